@@ -3,13 +3,13 @@
     python benchmarks/mutants.py [COUNT] [--seed N] [--rooms ROOM ...] [--but ROOM ...] [--all] [--left] [--least SHARE]
 
 Mutants are drawn over the rooms by size: each change of each function, and of each number that a module names, is as
-likely as any other. For each, the tests that reach what is changed are run, the nearest first, until one fails: in a
-process of its own, forked from one that has imported all of them, in which the changed code takes the place of the
-function's. Defaults of fields are data, and are left alone. Which tests reach which functions is recorded once
-(`out/bench/mutants-reached.json`), and again for test files that have changed. Results are kept until the package
-changes: an interrupted run goes on where it was left, and `--left` judges only what survived. Mutants that change
-nothing stand in `results/mutants_equivalent.toml`, each with its reason. Exit code 1 if fewer of the others are killed
-than `--least`.
+likely as any other. For each, the tests that run the changed line are run, first the quick ones that run little beside
+it, until one fails: in a process of its own, forked from one that has imported all of them, in which the changed code
+takes the place of the function's. Defaults of fields are data, and are left alone. Which tests run which lines is
+recorded once (by coverage.py, in `out/bench/mutants`), and again for test files that have changed. Results are kept
+until the package changes: an interrupted run goes on where it was left. What survived, or was killed by a test that is
+no longer there, is judged again by `--left`. Mutants that change nothing stand in `results/mutants_equivalent.toml`,
+each with its reason. Exit code 1 if fewer of the others are killed than `--least`.
 """
 
 import argparse
@@ -18,6 +18,7 @@ import contextlib
 import copy
 import functools
 import gc
+import importlib
 import json
 import linecache
 import os
@@ -25,10 +26,10 @@ import random
 import resource
 import signal
 import sys
-import threading
 import time
 import tomllib
 import traceback
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from hashlib import sha256
@@ -37,18 +38,19 @@ from pathlib import Path, PurePosixPath
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
+import coverage
 import pytest
 
 from kept import FOLDER, Kept
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "bowden"
-REACHED = FOLDER / "mutants-reached.json"
+REACHED = FOLDER / "mutants"
 EQUIVALENT = ROOT / "benchmarks" / "results" / "mutants_equivalent.toml"
-BUDGET, PATIENCE = 60.0, 150
+BUDGET, PATIENCE = 60.0, 200
 """Of the tests that are run for one mutant, the time that they take without it; and the processor's time that a mutant
 may take [s]: how long it takes on a computer that also does other work says nothing."""
-COMPILING = 8.0
+COMPILING = 4.0
 """What compiling anew adds to the first test of a file that reaches a kernel in compiled code alone [s]."""
 CASES = 3
 """Of one test that come before other tests' turn."""
@@ -72,6 +74,8 @@ class Mutant(NamedTuple):
     """Its qualified name; empty for what a module does when it is imported."""
     index: int
     """Of the node, in the order in which `ast.walk` comes to it."""
+    lines: tuple[int, int]
+    """The first and last of the statement, below its function's first."""
     number: int
     """Of the change at this node."""
     what: str
@@ -199,6 +203,24 @@ def owners(tree: ast.Module) -> dict[ast.AST, str | None]:
     return found
 
 
+def statements(tree: ast.Module) -> dict[ast.AST, tuple[int, int]]:
+    """Node → the first and last line of the statement that it is in, without the statements within that."""
+    found: dict[ast.AST, tuple[int, int]] = {}
+
+    def go(node: ast.AST, lines: tuple[int, int]) -> None:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.stmt):
+                inner = [part.lineno for part in getattr(child, "body", ())]
+                last = max(child.lineno, inner[0] - 1) if inner else child.end_lineno or child.lineno
+                found[child] = child.lineno, last
+            else:
+                found[child] = lines
+            go(child, found[child])
+
+    go(tree, (0, 0))
+    return found
+
+
 @functools.cache
 def parsed() -> dict[str, ast.Module]:
     """Every file of the package."""
@@ -218,15 +240,18 @@ def mutants(rooms: list[str], but: list[str]) -> Iterator[Mutant]:
         there = PurePosixPath(path).is_relative_to
         if (rooms and not any(map(there, rooms))) or any(map(there, but)):
             continue
+        places, spans = lines_of(tree), statements(tree)
         of, lines = owners(tree), (PACKAGE / path).read_text(encoding="utf-8").splitlines()
         hidden = {id(inner) for node in ast.walk(tree) for part in silent(node) for inner in ast.walk(part)}
         numbers = {id(inner) for statement in tree.body if is_number(statement) for inner in ast.walk(statement)}
         for index, node in enumerate(ast.walk(tree)):
             if id(node) in hidden or not hasattr(node, "lineno") or not (of[node] or id(node) in numbers):
                 continue
+            below = [places.get(line, ("", 0))[1] for line in spans[node]]
             for number, (what, _) in enumerate(changes(node, every_enum())):
                 place = f"{what} at {node.col_offset} of `{lines[node.lineno - 1].strip()}`"
-                yield Mutant(path, of[node] or "", index, number, f"{path}: {of[node] or 'module'}: {place}")
+                known = f"{path}: {of[node] or 'module'}: {place}"
+                yield Mutant(path, of[node] or "", index, (below[0], below[1]), number, known)
 
 
 def codes(code: CodeType) -> Iterator[CodeType]:
@@ -265,23 +290,27 @@ def put_in_place(mutant: Mutant) -> None:
     if mutant.function:
         outer = mutant.function.partition(".<locals>")[0]
         new = next(one for one in codes(code) if one.co_qualname == outer)
-        old = [one for one in gc.get_objects() if isinstance(one, FunctionType) and one.__code__.co_qualname == outer]
+        old = [one for one in gc.get_objects() if type(one) is FunctionType and one.__code__.co_qualname == outer]
         for function in old:
             if function.__code__.co_filename == file:
                 function.__code__ = new
         return
     name = "bowden." + mutant.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-    before, after = vars(sys.modules[name]), {"__name__": name, "__file__": file}
+    before, after = vars(importlib.import_module(name)), {"__name__": name, "__file__": file}
+    old = dict(before)
     exec(code, after)
     for key, value in after.items():
         if isinstance(value, int | float) and key in before and before[key] != value:
-            for module in list(sys.modules.values()):
-                if isinstance(module, ModuleType) and vars(module).get(key) is before[key]:
-                    setattr(module, key, value)
+            modules = [vars(module) for module in list(sys.modules.values()) if isinstance(module, ModuleType)]
+            for names in [*modules, *(dispatcher.py_func.__globals__ for dispatcher, *_ in COMPILED)]:
+                if key in names and names[key] is old[key]:
+                    names[key] = value
 
 
 CALLED: set[str] = set()
-"""Kernels within the compiled code that has been called, as `Recorder` names them."""
+"""Kernels within the compiled code that has been called, by their names."""
+COMPILED: list[tuple[Any, Any, Any]] = []
+"""What is compiled in this process: Numba's dispatcher, the kernel, and its parts."""
 
 
 class Called:
@@ -307,64 +336,117 @@ def watch_compiled() -> None:
     @functools.cache
     def watched(function: Any, name: str, parts: Any, *, within: bool) -> Any:
         inner = compile_(function, name, parts, within=within)
+        COMPILED.append((inner, function, parts))
         return inner if within else Called(inner, frozenset(kernels_in(function, parts)))
 
     kernel._compile = watched  # type: ignore[assignment]
 
 
+def compile_changed() -> None:
+    """Let what was compiled of changed code be compiled anew, and all else be found where it is kept."""
+    from bowden.core import kernel_cache, kernel_content
+
+    kernel_content._function.cache_clear()
+    kernel_cache._write = lambda path, content: None  # of a mutant nothing is kept
+    for dispatcher, function, parts in COMPILED:
+        if kept := getattr(dispatcher, "_cache", None):
+            kept._content = f"{kept._content} {kernel_content.content_of(function, parts)}"
+
+
 class Recorder:
     """What each test reaches of the package, and how long it takes.
 
-    A kernel is reached where it runs as Python ("plain"), or within compiled code that is called ("compiled").
+    Coverage's contexts tell which lines run as Python for each test and for each fixture, which may have been made
+    for an earlier test. A kernel may also be reached within compiled code that is called.
     """
 
     def __init__(self) -> None:
         self.found: dict[str, dict[str, Any]] = {}
-        self._plain: dict[int, CodeType] = {}
-        """Of whatever runs, by identity: a name for each would take longer than many a kernel."""
-        self._fixtures: dict[int, tuple[dict[int, CodeType], set[str]]] = {}
+        self._needs: dict[str, list[str]] = {}
+        self._fixtures: dict[str, set[str]] = {}
+        self._contexts = [""]
+        os.environ["NUMBA_JIT_COVERAGE"] = "0"  # what is compiled has not run
+        self._coverage = coverage.Coverage(data_file=None, config_file=False, source=[str(PACKAGE)])
+        self._coverage.start()
 
-    def _trace(self, frame: Any, event: str, argument: Any) -> None:
-        self._plain[id(frame.f_code)] = frame.f_code
+    @contextlib.contextmanager
+    def _context(self, name: str, called: set[str]) -> Iterator[None]:
+        before = set(CALLED)
+        CALLED.clear()
+        self._contexts.append(name)
+        self._coverage.switch_context(name)
+        try:
+            yield
+        finally:
+            called.update(CALLED)
+            CALLED.update(before)
+            self._contexts.pop()
+            self._coverage.switch_context(self._contexts[-1])
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: Any) -> Iterator[None]:
-        before, self._plain = (self._plain, set(CALLED)), {}
-        CALLED.clear()
-        try:
+        name = f"fixture {id(fixturedef)}"
+        with self._context(name, self._fixtures.setdefault(name, set())):
             return (yield)
-        finally:
-            self._fixtures[id(fixturedef)] = (self._plain, set(CALLED))
-            self._plain = before[0] | self._plain
-            CALLED.update(before[1])
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: Any) -> Iterator[None]:
-        self._plain = {}
-        CALLED.clear()
-        threading.settrace(self._trace)
-        sys.settrace(self._trace)
+        row = self.found.setdefault(item.nodeid, {})
+        known = item._fixtureinfo.name2fixturedefs if hasattr(item, "_fixtureinfo") else {}
+        needs = [f"fixture {id(one)}" for several in known.values() for one in several]
+        called = set[str]()
         try:
-            return (yield)
+            with self._context(item.nodeid, called):
+                return (yield)
         finally:
-            sys.settrace(None)
-            threading.settrace(None)  # type: ignore[arg-type]
-            known = item._fixtureinfo.name2fixturedefs if hasattr(item, "_fixtureinfo") else {}
-            for one in (one for several in known.values() for one in several):
-                codes, compiled = self._fixtures.get(id(one), ({}, set()))
-                self._plain |= codes
-                CALLED.update(compiled)
-            plain = {name for code in self._plain.values() if (name := name_of(code))}
-            row = {"plain": sorted(plain), "compiled": sorted(CALLED - plain)}
-            self.found.setdefault(item.nodeid, {}).update(row)
+            self._needs[item.nodeid] = [item.nodeid, *needs]
+            row["compiled"] = sorted(called.union(*(self._fixtures.get(one, ()) for one in needs)))
 
     def pytest_runtest_logreport(self, report: Any) -> None:
         if report.when == "call":
-            self.found[report.nodeid] = {"time": report.duration, "passed": report.passed}
+            self.found[report.nodeid] |= {"time": report.duration, "passed": report.passed}
+
+    def finished(self) -> dict[str, dict[str, Any]]:
+        """Test → its time, the lines of functions that it runs, and the kernels that it calls compiled."""
+        self._coverage.stop()
+        with warnings.catch_warnings(action="ignore"):  # that nothing of the package has run
+            data = self._coverage.get_data()
+        lines: dict[str, dict[str, int]] = {}
+        for file in data.measured_files():
+            path = str(Path(file).relative_to(PACKAGE))
+            places = lines_of(parsed().get(path, ast.Module([], [])))  # of a page's template nothing
+            for line, contexts in data.contexts_by_lineno(file).items():
+                if line in places:
+                    name, offset = places[line]
+                    for context in contexts:
+                        masks = lines.setdefault(context, {})
+                        masks[f"{path}:{name}"] = masks.get(f"{path}:{name}", 0) | 1 << offset
+        for test, needs in self._needs.items():
+            plain: dict[str, int] = {}
+            for context in needs:
+                for name, mask in lines.get(context, {}).items():
+                    plain[name] = plain.get(name, 0) | mask
+            self.found[test]["plain"] = {name: f"{mask:x}" for name, mask in sorted(plain.items())}
+        return self.found
+
+
+def lines_of(tree: ast.Module) -> dict[int, tuple[str, int]]:
+    """Line → the qualified name of the innermost function that it is in, and how far below its first line it stands.
+
+    A change of another function moves neither.
+    """
+    of, found = owners(tree), dict[int, tuple[str, int]]()
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    for node in sorted(functions, key=lambda one: one.lineno):
+        name = next(of[inner] for inner in node.body if of[inner])
+        assert name
+        for line in range(node.body[0].lineno, (node.end_lineno or node.lineno) + 1):
+            found[line] = name, line - node.lineno
+    return found
 
 
 def name_of(code: CodeType) -> str:
-    """A function of the package as `Recorder` names it; nothing for others."""
+    """A function of the package, by its file and name; nothing for others."""
     inside = code.co_filename.startswith(str(PACKAGE))
     return f"{code.co_filename[len(str(PACKAGE)) + 1 :]}:{code.co_qualname}" if inside else ""
 
@@ -455,7 +537,8 @@ class Mutating:
         drawn = every if self.given.all else random.Random(self.given.seed).sample(every, count)
         of = sha256(repr((self.given.rooms, self.given.but)).encode()).hexdigest()[:8]
         kept = Kept(f"mutants-{of}-{'all' if self.given.all else self.given.seed}")
-        done = {what: by for what, by in kept.rows() if not (self.given.left and by in ALIVE)}
+        again = {what for what, by in kept.rows() if by in ALIVE or ("::" in by and by not in tests)}
+        done = {what: by for what, by in kept.rows() if not (self.given.left and what in again)}
         kept.replace([[one.what, done[one.what]] for one in drawn if one.what in done])
         missing = (one for one in drawn if one.what not in done)
         rows = kept.filled(([one.what, self.judge(one, tests, items)] for one in missing if self._in_time()), count)
@@ -474,13 +557,8 @@ class Mutating:
         names = tests_for(mutant, tests)
 
         def work() -> str:
-            from bowden.core import kernel_cache
-
-            kernel_cache._write = lambda path, content: None  # of a mutant nothing is kept
-            for one in gc.get_objects():
-                if isinstance(one, kernel_cache._Kept):  # nor found that was kept of what it was
-                    one._content = "a mutant"
             put_in_place(mutant)
+            compile_changed()
             run([items[name] for name in names], until=lambda: bool(self._failed))
             return self._failed or "survives"
 
@@ -491,40 +569,52 @@ class Mutating:
 
 def reached(items: dict[str, Any], in_time: Callable[[], bool]) -> dict[str, dict[str, Any]]:
     """Test → what it reaches; of test files that have changed, found anew while there is time."""
-    known: dict[str, Any] = json.loads(REACHED.read_text(encoding="utf-8")) if REACHED.is_file() else {}
+    REACHED.mkdir(parents=True, exist_ok=True)
+    parsed()  # once for all children
+    rows: dict[str, Any] = {}
     for file in sorted({name.partition("::")[0] for name in items}):
-        mark = sha256((ROOT / file).read_bytes()).hexdigest()[:16]
-        if known.get(file, {}).get("hash") == mark or not in_time():
-            continue
-        own, start = [item for name, item in items.items() if name.partition("::")[0] == file], time.monotonic()
+        kept = REACHED / f"{file.replace('/', '-')}-{sha256((ROOT / file).read_bytes()).hexdigest()[:16]}.json"
+        if not kept.is_file() and in_time():
+            own, start = [item for name, item in items.items() if name.partition("::")[0] == file], time.monotonic()
 
-        def work(own: list[Any] = own) -> Any:
-            recorder = Recorder()
-            own[0].config.pluginmanager.register(recorder)
-            run(own)
-            return recorder.found
+            def work(own: list[Any] = own) -> Any:
+                recorder = Recorder()
+                own[0].config.pluginmanager.register(recorder)
+                run(own)
+                return recorder.finished()
 
-        known[file] = {"hash": mark, "tests": in_child(work, 1200) or {}}
-        print(f"{file}: {len(known[file]['tests'])} tests in {time.monotonic() - start:.0f} s", flush=True)
-        REACHED.write_text(json.dumps(known), encoding="utf-8")
-    rows = {name: row for file in known.values() for name, row in file["tests"].items() if row.get("passed")}
-    return {name: row for name, row in rows.items() if name in items}
+            found = in_child(work, 1200) or {}
+            print(f"{file}: {len(found)} tests in {time.monotonic() - start:.0f} s", flush=True)
+            kept.write_text(json.dumps(found), encoding="utf-8")
+        if kept.is_file():
+            rows |= json.loads(kept.read_text(encoding="utf-8"))
+    return {name: row for name, row in rows.items() if name in items and row.get("passed")}
+
+
+def runs(mutant: Mutant, row: dict[str, Any]) -> int | None:
+    """0 if a test runs what is changed as Python, 1 if it does in compiled code; a module's number is in all of it."""
+    key, (first, last) = f"{mutant.path}:{mutant.function}", mutant.lines
+    if not mutant.function:
+        return next(
+            (i for i, kind in enumerate(("plain", "compiled")) if any(x.startswith(key) for x in row[kind])), None
+        )
+    if int(row["plain"].get(key, "0"), 16) >> first & (1 << last - first + 1) - 1:
+        return 0
+    return 1 if key in row["compiled"] else None
 
 
 def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
-    """The tests that reach what is changed, or where that is a module's anything of it.
+    """The tests that run what is changed.
 
-    Those first that run it as Python, which waits for no compiler, and of these those that reach least beside it; of
-    one that has many cases no more than a few before others' turn.
+    Those first that run it as Python, which waits for no compiler, and of these the quick ones that run little beside
+    it; of one that has many cases no more than a few before others' turn.
     """
-    key, chosen, cases = f"{mutant.path}:{mutant.function}", [], Counter[str]()
+    chosen, cases = [], Counter[str]()
     for name, row in sorted(tests.items(), key=lambda item: item[1]["time"]):
-        for compiled, kind in enumerate(("plain", "compiled")):
-            if key in row[kind] if mutant.function else any(one.startswith(key) for one in row[kind]):
-                cases[name.partition("[")[0]] += 1
-                rank, reach = cases[name.partition("[")[0]] // CASES, len(row["plain"]) + len(row["compiled"])
-                chosen.append((compiled, rank, reach, row["time"], name))
-                break
+        if (compiled := runs(mutant, row)) is not None:
+            cases[name.partition("[")[0]] += 1
+            rank, reach = cases[name.partition("[")[0]] // CASES, len(row["plain"]) + len(row["compiled"])
+            chosen.append((compiled, rank, reach * (0.1 + row["time"]), row["time"], name))
     total, names, files = 0.0, [], set[str]()
     for compiled, _, _, cost, name in sorted(chosen):
         total += cost + COMPILING * (compiled and name.partition("::")[0] not in files)

@@ -32,7 +32,6 @@ COUNTS = {"development": 300, "validation": 300, "judging": 400}
 """Cells of a set where no seeds are given."""
 BASELINE = "active_disturbance_rejection"
 """The law that chatter and the share of worse cells are taken to."""
-OURS = "bowden"
 NEAR, WORSE = 1.1, 1.2
 
 
@@ -174,33 +173,24 @@ def table(found: Sequence[Standing]) -> str:
     return markdown(COLUMNS, rows)
 
 
-def _laws(names: str) -> list[Law]:
-    chosen = names.split(",") if names else list(LAWS)
-    return [loaded(named(name)) for name in chosen]
-
-
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--set", choices=list(SETS), default="development", dest="set_name")
     parser.add_argument("--seeds", default="", help="COUNT or FIRST:END; the set's own number without it")
     parser.add_argument("--laws", default="", help="names and files, with commas; all without it")
-    parser.add_argument("--shown", default=OURS, help="the law whose worst ten cells are shown")
     given = parser.parse_args()
-    laws, numbers, begun = _laws(given.laws), numbers_in(given.seeds, COUNTS[given.set_name]), time.perf_counter()
-    looks = look(given.set_name, numbers, [law.name for law in laws])
+    laws = [loaded(named(name)) for name in (given.laws.split(",") if given.laws else LAWS)]
+    numbers, begun = numbers_in(given.seeds, COUNTS[given.set_name]), time.perf_counter()
     names = [law.name for law in laws]
+    looks = look(given.set_name, numbers, names)
     played = play(laws, [draw(given.set_name, number) for number in numbers])
     runs: list[Run] = list(progress(played, len(numbers) * len(laws), "runs"))
-    shown = given.shown if given.shown in {run.law for run in runs} else names[0]
-    seconds = time.perf_counter() - begun
-    print(
-        f"{given.set_name}, cells {numbers.start}:{numbers.stop}, {seconds:.0f} s"
-        + (f", look {looks}" if looks else "")
-    )
+    counted_as = f"{time.perf_counter() - begun:.0f} s" + (f", look {looks}" if looks else "")
+    print(f"{given.set_name}, cells {numbers.start}:{numbers.stop}, {counted_as}")
     print(table(standings(runs)))
-    print(f"\nWorst cells of `{shown}`:")
-    for one in worst(runs, shown):
+    print(f"\nWorst cells of `{names[0]}`:")
+    for one in worst(runs, names[0]):
         print(
             f"- {one['number']}: {one['ratio']:.2f} × `{one['best']}` ({one['rmse_deg']:.2f}° for "
             f"{one['best_rmse_deg']:.2f}°): {one['families']}"

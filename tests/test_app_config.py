@@ -116,7 +116,7 @@ def test_the_examples_are_right(example: Path) -> None:
         ("[scenario.bend]\nkind = 'random'\nlow_deg = 400.0", "scenario.bend.low_deg is 400 and high_deg 360; expect"),
         (
             "[reference]\nkind = 'recorded'\nfile = 'none.csv'",
-            "reference: cannot read {folder}/none.csv: no such file; expected",
+            "reference: cannot read {folder}/none.csv: no such file; check the path",
         ),
         ("[cable]\nmodel = 'rig.toml'", "cable.model: {folder}/rig.toml has no models in it; expected the model.toml"),
         ('[cable]\nmodel = "a\\u0000b"', "is no TOML file: embedded null byte; expected the model.toml"),

@@ -81,7 +81,7 @@ def test_it_goes_from_a_simulated_log_to_a_page_with_commands_for_ones_own(
 
 def test_a_step_that_refuses_ends_it_with_its_own_message(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["demo", "my.csv"]) == 2
-    assert capsys.readouterr().err == "bowden: my.csv does not exist; check the path\n"
+    assert capsys.readouterr().err == "bowden: cannot read my.csv: no such file; check the path\n"
     time = np.arange(0.0, 20.0, 0.01)
     joint = np.random.default_rng(1).normal(0.0, 1.0, len(time)).cumsum()
     rows = "\n".join(f"{t:.2f},{30 * np.sin(t):.3f},{j:.3f}" for t, j in zip(time, joint, strict=True))

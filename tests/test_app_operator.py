@@ -475,7 +475,7 @@ def log_of(*modes_and_faults: tuple[Mode, int, tuple[Fault, ...]], late: float =
     parts = [[mode, float(sum(1 << fault for fault in there))] for mode, n, there in modes_and_faults for _ in range(n)]
     zeros = np.zeros(len(parts))
     time = np.arange(len(parts)) * 1e-3 + 40.465
-    columns = (time, *np.array(parts).T, zeros, zeros + late, zeros + alone)
+    columns = (time, *np.array(parts).T, zeros, zeros + late, zeros + alone, zeros)
     about = (stops.NEEDED, ("1",) * len(stops.NEEDED), np.arange(len(parts)), np.column_stack(columns))
     return Recording({}, {}, *about, [], Damage(0, 0, 0))
 

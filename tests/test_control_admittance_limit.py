@@ -85,6 +85,15 @@ def test_the_impedance_is_that_of_a_moved_elbow() -> None:
     assert phasor / (1j * omega * 0.1) == pytest.approx(complex(impedance(heavy, FREE, np.array([omega]))[0]), rel=0.02)
 
 
+def test_passive_it_is_up_to_where_the_impedance_first_gives_energy_and_a_spring_alone_is_at_all() -> None:
+    for port in (PORT, PORT._replace(delay=5), PORT._replace(dt=2e-3)):
+        end = passive_to(port, FREE)
+        assert np.min(impedance(port, FREE, np.linspace(0.1, 0.95 * end, 200)).real) >= 0.0
+        assert impedance(port, FREE, np.array([end])).real < 0.0
+        assert passive_to(port._replace(across=0.0), FREE) == np.pi / port.dt
+    assert passive_to(PORT, FREE._replace(damping=-0.1)) == pytest.approx(0.1), "it looks from 0.1 rad/s on"
+
+
 def test_lighter_and_later_is_less_passive() -> None:
     heavier = FREE._replace(inertia=0.1)
     assert passive_to(PORT, FREE) < passive_to(PORT, heavier)

@@ -28,14 +28,6 @@ from bowden.safety.state import Mode, Request
 
 COMPILER, MAKE, CPP = (shutil.which(name) for name in ("cc", "make", "c++"))
 RIG = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 2.0\n[scenario]\nduration_s = 3.0\n"
-STUBS = """
-double read_joint_counts(void);
-double read_motor_counts(void);
-void write_motor_counts(double target);
-safety_Observed observe(void);
-void write_drive(double target, int power);
-void timer_interrupt(void);
-"""
 ARDUINO = """#include <math.h>
 #include <stdint.h>
 unsigned long micros(void);
@@ -60,10 +52,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """Law, detector and gate in float, and what the command said of them."""
+    """Law and detector in float, the supervisor in double, and what the command said of them."""
     place = tmp_path_factory.mktemp("export")
     (place / "rig.toml").write_text(RIG)
-    words = f"export {place}/rig.toml --to {place}/code --emg --safety --target cortex-m4f --json"
+    words = f"export {place}/rig.toml --to {place}/code --emg --target cortex-m4f --json"
     with contextlib.redirect_stdout(io.StringIO()) as said:
         assert main.run(words.split()) == 0
     return place / "code", json.loads(said.getvalue())
@@ -72,15 +64,11 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, 
 def test_the_document_names_what_was_written(exported: tuple[Path, dict[str, Any]]) -> None:
     place, document = exported
     jsonschema.validate(document, json_schema("export"))
-    assert document["modules"] == ["adaptive", "envelope", "onset", "safety"]
+    assert document["modules"] == ["adaptive", "safety", "course", "envelope", "onset"]
     assert document["precision"] == "float"
     assert sorted(document["files"]) == sorted(str(path) for path in place.iterdir())
     assert "typedef float adaptive_real;" in (place / "adaptive.h").read_text()
     assert "typedef double safety_real;" in (place / "safety.h").read_text()
-    loop = (place / "README.md").read_text()
-    assert "adaptive_step(&law, &sample, &reference)" in loop
-    assert "safety_supervise(&gate, &observed, command, 0.001, &verdict)" in loop  # the gate's time is a double
-    assert "**The preflight is not exported.**" in loop
 
 
 @needs_cc
@@ -109,7 +97,7 @@ def test_what_the_readme_says_to_type_works(exported: tuple[Path, dict[str, Any]
     for line in re.findall(r"^    (\S+ .* -c .*)$", page, re.MULTILINE):  # for the host, and for the chip
         if shutil.which(line.split()[0]):
             quiet(*line.split(), cwd=code)
-            objects = {f"{name}.o" for name in document["modules"]}
+            objects = {f"{name}.o" for name in (*document["modules"], "loop")}
             assert objects == {path.name for path in code.glob("*.o")}
             for name in objects:
                 (code / name).unlink()
@@ -127,23 +115,14 @@ def test_the_gate_is_called_with_names_for_its_numbers(exported: tuple[Path, dic
     quiet("cc", "-std=c99", f"-I{exported[0]}", "-fsyntax-only", "names.c", cwd=folder)
 
 
-@needs_cc
-def test_the_loop_in_the_readme_compiles(exported: tuple[Path, dict[str, Any]], folder: Path) -> None:
-    (loop,) = re.findall(r"```c\n(.*?)```", (exported[0] / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    head, _, rest = loop.partition("\n\n")
-    used = "onset_OnsetState *used(void);\nonset_OnsetState *used(void) { return &muscle; }\n"
-    (folder / "loop.c").write_text(f"{head}\n{STUBS}\n{rest}\n{used}")
-    quiet("cc", *FLAGS.split(), f"-I{exported[0]}", "-c", "loop.c", cwd=folder)
-
-
 def test_what_is_the_users_stays_and_the_gate_of_an_export_with_emg_watches_it(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["export", "rig.toml", "--law", "uncompensated", "--to", "board", "--safety"]
+    words = ["export", "rig.toml", "--law", "uncompensated", "--to", "board"]
     assert main.run(words) == 0
     assert "uses_emg = false" in (folder / "board" / "safety.c").read_text()
     (folder / "board" / "board.cpp").write_text("/* mine */")
-    assert main.run(["export", "rig.toml", "--law", "adaptive", "--to", "other", "--safety", "--emg"]) == 0
+    assert main.run(["export", "rig.toml", "--law", "adaptive", "--to", "other", "--emg"]) == 0
     assert "uses_emg = true" in (folder / "other" / "safety.c").read_text()
     capsys.readouterr()
     assert main.run(words) == 0
@@ -265,7 +244,7 @@ def test_in_c_the_counts_of_a_log_lie_on_the_cable_of_the_rig() -> None:
     motor = 0.4 + 0.4 * np.sin(np.linspace(0.0, 9.0, 300))
     counts = np.round(np.column_stack([motor, log.joint_angle(motor)]) / steps)
     with pytest.warns(UserWarning, match="16384 counts a turn of motor and joint are guessed"):
-        bowden.export(rig, "code", "uncompensated")
+        bowden.export(rig, "code", "uncompensated", force=True)
     assert "Beware: the 16384 counts" in Path("code/uncompensated.h").read_text()
     Path("code/main.c").write_text(COUNTING_C)
     subprocess.run(["cc", *FLAGS.split(), "main.c", "uncompensated.c", "-o", "main", "-lm"], cwd="code", check=True)
@@ -279,11 +258,12 @@ def test_in_c_the_counts_of_a_log_lie_on_the_cable_of_the_rig() -> None:
     assert "the other way round than its encoder; zero is at 40.11°" in Path("code/uncompensated.h").read_text()
 
 
-def test_a_rig_that_a_run_refuses_is_named_and_its_limits_are_not_exported(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_rig_that_a_run_refuses_is_exported_by_force_alone(capsys: pytest.CaptureFixture[str]) -> None:
     Path("rig.toml").write_text(f"{RIG}\n[limits]\njoint_low_deg = 90.0\njoint_high_deg = 80.0\n")
     words = ["export", "rig.toml", "--to", "code", "--law", "uncompensated"]
     said = "bowden run will refuse this rig: joint_low_deg = 90.0 is not below joint_high_deg = 80.0"
-    assert main.run([*words, "--safety"]) == 2
-    assert f"the limits of the supervisor are not exported: {said}" in capsys.readouterr().err
-    assert main.run(words) == 0
+    assert main.run(words) == 2
+    assert said in capsys.readouterr().err
+    assert not Path("code").exists()
+    assert main.run([*words, "--force"]) == 0
     assert f"note: {said}" in capsys.readouterr().err

@@ -142,7 +142,7 @@ def test_a_rig_does_not_change_and_says_how_another_is_made() -> None:
         ("simulate(Rig(duration=2.0), 'adaptive', preset='paper')", "or run it anyway with force=True"),
         ("init('no.toml')", "no.toml cannot be read"),
         ("read_trace('no.csv')", "cannot read no.csv"),
-        ("identify('no.csv')", "no.csv does not exist"),
+        ("identify('no.csv')", "cannot read no.csv: no such file"),
     ],
 )
 def test_an_error_is_one_line_without_a_chain(call: str, said: str) -> None:

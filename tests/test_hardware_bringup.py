@@ -1,5 +1,9 @@
 """Bring-up: it looks before it touches, reads what the drive made of the settings, and knows its units and counts."""
 
+import re
+from pathlib import Path
+from typing import Any
+
 import can
 import pytest
 from hypothesis import example, given, settings
@@ -12,6 +16,9 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
+from bowden.hardware.twin.of_rig import twin_plant_of
+from bowden.rig.families import names
+from bowden.rig.rig import Rig
 from support.memory_bus import DriverLoop, asking
 
 DRIVE = DriveParameters(answer_timeout=0.05)
@@ -101,3 +108,51 @@ def test_bring_up_among_foreign_frames_succeeds_or_says_why(noise: list[tuple[in
     except DriveError:
         left.add(DriveState.FAULT)  # where it was given up while the drive was to notice that its host is silent
     assert bus.node.state in left
+
+
+NARROW: dict[str, list[dict[Any, float]]] = {
+    "cia402": [
+        {(0x6080, 0): 500},
+        {(0x607F, 0): 500},
+        {(0x6065, 0): 9000},
+        {(0x3001, 2): 9000},
+        {(0x607D, 1): -20_000, (0x607D, 2): 22_000},
+        {(0x607D, 1): -2000, (0x607D, 2): 50_000},
+    ],
+    "moteus": [
+        {"servo.max_velocity": 8.0},
+        {"servo.max_current_A": 9.0},
+        {"servo.fault_position_error": 0.5},
+        {"servopos.position_max": 1.3},
+        {"servopos.position_min": -0.2},
+    ],
+    "odrive": [{"axis0.controller.config.vel_limit": 8.0}, {"axis0.config.motor.current_soft_max": 9.0}],
+    "ak_mit": [],
+}
+"""Family → limits of its drive that are narrower than the rig's."""
+assert set(NARROW) == set(names())
+
+
+@pytest.mark.parametrize(("family", "own"), [(name, own) for name in NARROW for own in NARROW[name]], ids=str)
+def test_a_rig_beyond_the_drives_limits_is_told_a_value_that_is_within(
+    family: str, own: dict[Any, float], tmp_path: Path
+) -> None:
+    rig, text = tmp_path / "rig.toml", f'[drive]\nfamily = "{family}"\nanswer_timeout_ms = 50.0\n'
+    rig.write_text(text, encoding="utf-8")
+    with pytest.raises(DriveError, match="beyond the drive's own") as refused:
+        DriverLoop(Rig.read(rig).drive_parameters, own).drive.bring_up()
+    told = re.search(r"write (\w+ = \S+) into (\[\w+\])", str(refused.value))
+    assert told
+    rig.write_text(f"{text}{told[2]}\n{told[1]}\n", encoding="utf-8")
+    DriverLoop(Rig.read(rig).drive_parameters, own).drive.bring_up()
+
+
+@pytest.mark.parametrize("family", ["cia402", "moteus"])
+def test_a_suit_asks_its_drive_for_no_more_speed_than_its_supply_gives(family: str, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    keys = f'[drive]\nfamily = "{family}"\n[suit]\nworn = true\n[limits]\nplay_deg = 20.0\nmotor_speed_deg_per_s = '
+    for limit, bounded in ((600.0, False), (3000.0, True)):
+        rig.write_text(f"{keys}{limit}\n", encoding="utf-8")
+        read = Rig.read(rig)
+        DriverLoop(read.drive_parameters, plant=lambda now, own=read: twin_plant_of(own, now)).drive.bring_up()
+        assert (read.drive_parameters.needs.speed_limit < read.supervisor_limits.motor_speed) is bounded

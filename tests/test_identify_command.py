@@ -127,7 +127,7 @@ def test_the_same_log_writes_the_same_bytes(capsys: pytest.CaptureFixture[str]) 
 
 
 BAD = {
-    "no such file": (["none.csv"], "none.csv does not exist"),
+    "no such file": (["none.csv"], "cannot read none.csv: no such file"),
     "a folder": (["."], "is a folder"),
     "unknown column": (["log.csv", "--motor", "torque"], "no column 'torque' for the motor"),
     "unknown unit": (["log.csv", "--unit", "grad"], "expected deg, rad, turns, counts or mm"),

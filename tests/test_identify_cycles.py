@@ -7,14 +7,15 @@ from numpy.typing import NDArray
 import bowden
 from bowden.identify.cable.advice import seconds_text
 from bowden.identify.cable.cycles import ENOUGH, Cycles, whole_cycles
-from bowden.identify.cable.path import path_of
+from bowden.identify.cable.path import build_path
+from bowden.identify.cable.turns import find_turns
 
 Array = NDArray[np.float64]
 TIME = np.arange(0.0, 40.0, 0.01)
 
 
 def cycles_of(motor: Array) -> Cycles:
-    return whole_cycles(path_of(TIME[: len(motor)], motor, motor, len(motor)))
+    return whole_cycles(build_path(TIME[: len(motor)], motor, motor, find_turns(motor), len(motor)))
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.9, np.pi / 2, 2.5, np.pi, 4.0, 3 * np.pi / 2])

@@ -468,7 +468,7 @@ def test_logs_that_are_refused(content: str | bytes, said: str, write: Write) ->
 
 
 def test_files_that_cannot_be_opened(tmp_path: Path, write: Write) -> None:
-    with pytest.raises(LogError, match="does not exist; check the path"):
+    with pytest.raises(LogError, match="no such file; check the path"):
         read_log(tmp_path / "none.csv")
     with pytest.raises(LogError, match="is a folder; expected a log file"):
         read_log(tmp_path)
@@ -492,7 +492,7 @@ def test_a_file_that_may_not_be_read(write: Write) -> None:
     try:
         path.open("rb").close()
     except PermissionError:
-        with pytest.raises(LogError, match="cannot be read: Permission denied"):
+        with pytest.raises(LogError, match=r"cannot read .*: Permission denied"):
             read_log(path)
     else:
         pytest.skip("this user may read everything")

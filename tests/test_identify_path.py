@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from bowden.core.kernel import compiled
 from bowden.identify.cable.path import Path, build_path, remembered
 from bowden.identify.cable.settling import from_rest
 from bowden.identify.cable.turns import find_turns, motor_noise, polynomial, resolution, reversals
@@ -101,7 +102,7 @@ def test_smoothing_is_the_least_squares_polynomial(degree: int) -> None:
     values = 3.0 + np.random.default_rng(degree).standard_normal(57)
     x = np.linspace(-1.0, 1.0, 57)
     wanted = np.polyval(np.polyfit(x, values, degree), x)
-    assert polynomial(values, degree) == pytest.approx(wanted, abs=1e-12)
+    assert compiled(polynomial)(values, degree) == pytest.approx(wanted, abs=1e-12)
 
 
 def test_a_long_log_needs_few_nodes_a_stroke() -> None:

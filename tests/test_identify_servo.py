@@ -187,7 +187,7 @@ def test_a_motor_that_comes_before_its_command_is_the_command() -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["none.csv"], "none.csv does not exist"),
+        (["none.csv"], "cannot read none.csv: no such file"),
         (
             ["step.csv", "--motor", "spool"],
             "no column 'spool' for the motor among 'time_ms', 'target_deg', 'motor_deg'",

@@ -119,7 +119,6 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
             "preset": NO_TEXT,
             "float32": NO_FLAG,
             "emg_rate": NO_NUMBER,
-            "safety": NO_FLAG,
             "force": NO_FLAG,
         },
     ),

@@ -1,12 +1,11 @@
 """What is kept on disk is found again, never stale, and nobody's folder is required."""
 
-import dis
 import os
 import subprocess
 import sys
 import textwrap
 from pathlib import Path
-from types import CodeType, FunctionType
+from types import FunctionType
 
 import pytest
 
@@ -14,9 +13,7 @@ from bowden.app import main
 from bowden.control import LAWS
 from bowden.core import kernel as kernel_module
 from bowden.core import kernel_cache
-from bowden.core.kernel_content import content_of, global_names
-from bowden.sim import batch
-from bowden.sim import run as sim_run
+from bowden.core.kernel_content import content_of
 
 SCRIPT = """
 from typing import NamedTuple
@@ -140,23 +137,6 @@ def test_a_file_that_was_torn_is_compiled_anew(tmp_path: Path) -> None:
     kept.write_bytes(kept.read_bytes()[:1000])
     assert said(tmp_path, program) == "5.0 0\n"
     assert said(tmp_path, program) == "5.0 1\n"
-
-
-def looked_up(code: CodeType) -> set[str]:
-    found = {step.argval for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"}
-    return found.union(*(looked_up(part) for part in code.co_consts if isinstance(part, CodeType)))
-
-
-@pytest.mark.parametrize("function", [sim_run.run_loop, batch.run_batch, LAWS["bowden"].step_kernel])
-def test_names_are_found_as_the_disassembler_finds_them(function: object) -> None:
-    code = function.__code__  # type: ignore[attr-defined]  # a kernel is a function
-    assert set(global_names(code)) == looked_up(code)
-    many = compile("\n".join(f"name_{i}.attribute" for i in range(300)), "many", "exec")  # a module has other look-ups
-    inner = compile("def f():\n" + "\n".join(f"    name_{i}.attribute_{i}" for i in range(300)), "f", "exec").co_consts[
-        0
-    ]
-    assert global_names(many) == ()
-    assert len(global_names(inner)) == 300
 
 
 def test_where_a_function_stands_is_not_what_it_is() -> None:

@@ -113,6 +113,19 @@ def test_branches_and_dead_zone_converge_with_the_square_of_the_grid(tendon: Ten
     assert [a / b for a, b in pairwise(errors)] == pytest.approx([4.0] * 3, rel=0.1)
 
 
+@pytest.mark.parametrize("length", [1.0, 2.5])
+def test_right_after_a_turn_the_release_has_reached_as_far_as_the_closed_form_says(length: float) -> None:
+    tendon = Tendon(elements=600, length=length)
+    prepared = prepare_tendon(tendon)
+    memory = walk(prepared, [1.5])
+    joint, before = JOINT(prepared, memory), MOTOR_TENSION(prepared, memory)
+    for share in (0.1, 0.4, 0.9):
+        back = share * capstan.dead_zone(tendon, joint)
+        ADVANCE(prepared, memory, 1.5 - back, 1.0)
+        expected = capstan.tension_after_reversal(tendon, before, back * tendon.motor_radius)
+        assert MOTOR_TENSION(prepared, memory) == pytest.approx(expected, rel=2e-3)
+
+
 def finer(path: list[float], pieces: int, start: float = 0.0) -> list[float]:
     shares = np.linspace(0.0, 1.0, pieces + 1)[1:] ** 2
     return [a + (b - a) * share for a, b in pairwise([start, *path]) for share in shares]

@@ -12,7 +12,7 @@ from bowden.core.clock import SECOND
 from bowden.core.errors import LogError
 from bowden.core.signals import Reference
 from bowden.hardware.emg import intent_block
-from bowden.hardware.emg.course import EmgCourse
+from bowden.hardware.emg.course import COLUMNS, EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader, IntentWriter, StreamReading
 from bowden.hardware.emg.listener import Listener
 from bowden.hardware.emg.recorded import EmgMotion
@@ -25,6 +25,7 @@ from bowden.sensing.wearer_file import MuscleCalibration
 from bowden.sim.emg import rest
 
 RATE, DT = 1000.0, 0.001
+INTENT = list(COLUMNS).index("emg.intent")
 WRITER = """
 import sys
 from pathlib import Path
@@ -182,14 +183,14 @@ def test_a_motion_begins_in_the_cycle_in_which_the_contraction_is_seen(block: Pa
     writer.write(StreamReading(newest=SECOND, looked=SECOND, onset=SECOND, flexor=1.0))
     led.look(SECOND)
     led.step(DT)
-    assert led.row()[-1] == Intent.FLEX
+    assert led.row()[INTENT] == Intent.FLEX
     led.look(SECOND)
     assert led.step(DT).velocity > 0.0
     for _ in range(1600):
         led.look(SECOND)
         reference = led.step(DT)
     assert reference == (1.2, 0.0, 0.0)
-    assert led.row()[-1] == Intent.HOLD, "one contraction is one motion, however long it lasts"
+    assert led.row()[INTENT] == Intent.HOLD, "one contraction is one motion, however long it lasts"
 
 
 def test_age_is_that_of_the_newest_sample_and_endless_before_the_first(block: Path) -> None:

@@ -10,12 +10,13 @@ from bowden.core.clock import SECOND
 from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.hardware.emg import intent_block
 from bowden.hardware.emg.course import EmgCourse
-from bowden.hardware.emg.intent_block import IntentReader, IntentWriter, StreamReading
+from bowden.hardware.emg.intent_block import EmgLoss, IntentReader, IntentWriter, StreamReading
 from bowden.live.ended import Ended
 from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Preflight
 from bowden.live.replay import replay
 from bowden.live.script import Script
+from bowden.live.stops import run_stops
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release
@@ -126,6 +127,26 @@ def test_a_reader_that_is_gone_is_known_sooner_than_a_stream_that_pauses(tmp_pat
     released = int(np.argmax(log["mode"] == Mode.RELEASING))
     assert released - gone <= 42
     assert np.flatnonzero(log["power"][gone:] == 0.0)[0] <= 1000 * longest_release(LIMITS) + 50
+
+
+@pytest.mark.parametrize(
+    ("what", "loss", "says", "never"),
+    [
+        ({"reader": 1500}, EmgLoss.READER, "process that reads the stream stalled", "look at the electrodes"),
+        ({"lasts": 1500}, EmgLoss.STREAM, "no new samples came", "look at the electrodes"),
+        ({"dies": 1500}, EmgLoss.DEAD, "look at the electrodes", "no new samples came"),
+    ],
+    ids=["reader", "stream", "electrodes"],
+)
+def test_a_stalled_reader_a_silent_sender_and_a_dead_electrode_are_told_apart(
+    tmp_path: Path, what: dict[str, int], loss: EmgLoss, says: str, never: str
+) -> None:
+    ended, log = run(tmp_path, 300, **{"lasts": 99_999, **what})
+    assert ended.faults == 2**Fault.EMG_LOST
+    (stop,) = run_stops(log, LIMITS._asdict(), twin=False)
+    assert log["emg.loss"][int(np.argmax(log["mode"] == Mode.RELEASING))] == loss
+    assert says in stop.remedies[0]
+    assert never not in stop.remedies[0]
 
 
 def test_without_a_stream_it_cannot_be_armed_until_there_is_one(tmp_path: Path) -> None:

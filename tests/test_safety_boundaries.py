@@ -509,9 +509,11 @@ def test_a_load_that_is_no_number_is_not_remembered_and_not_too_much() -> None:
         state, _ = cycle(MUTE, {"reading.tension": wild})
         assert state.stuck_load.reading == 20.0
         assert Fault.OVER_TORQUE not in faults(AT_JOINT, {"reading.joint_torque": wild})
+        current = cycle(SWINGING, {"reading.current": wild})[0].stuck_current
+        assert current == (2.0, RUNNING.stuck_current.previous_reading, 0.0, 0.0)
     for told in (-1e6, 21.0, 1e6):
-        state, _ = cycle(MUTE, {"reading.tension": told})
-        assert state.stuck_load.reading == told
+        state, _ = cycle(MUTE, {"reading.tension": told, "reading.current": told})
+        assert (state.stuck_load.reading, state.stuck_current.reading) == (told, told)
 
 
 def test_the_age_of_a_sample_is_its_own_whatever_the_load_cell_says() -> None:

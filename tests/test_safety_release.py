@@ -19,7 +19,7 @@ from bowden.plants.suit_parts import PreparedSuit, Suit, prepare_suit
 from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
 from bowden.plants.suit_settings import SuitSettings
 from bowden.rig.rig import Rig
-from bowden.safety.limits import Limits
+from bowden.safety.limits import ARM_LOWERING, FASTEST_RELEASE, Limits
 from bowden.safety.release import longest_release
 from bowden.safety.state import Mode, Observed, PreflightResult, Request
 from bowden.safety.supervisor import begin, supervise
@@ -35,7 +35,17 @@ OF_INIT = LIMITS._replace(
     **{name[:-4]: value * RADIANS for name, value in FRESH.items() if name.endswith("_deg")}, reading_age=10.0
 )
 """What `bowden init --suit` writes."""
+REACH = (0.146 + 0.108 / 2.0) * 1.80
+"""From the elbow of a tall man to the middle of his hand, by Winter's shares of the height [m]."""
 CAUGHT = Wearer(stiffness=300.0, damping=5.0, centre=20.0 * RADIANS)
+
+
+def test_a_hand_is_let_down_at_the_speed_that_is_allowed_near_people() -> None:
+    """ISO 10218-1: 250 mm/s; without an arm, or out of a force, the joint goes a right angle in a second."""
+    assert pytest.approx(0.25, rel=0.02) == ARM_LOWERING * REACH
+    assert pytest.approx(math.pi / 2.0) == FASTEST_RELEASE
+    assert LIMITS.lowering == ARM_LOWERING
+    assert Rig().supervisor_limits.lowering == FASTEST_RELEASE
 
 
 class Let(NamedTuple):

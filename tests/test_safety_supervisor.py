@@ -28,7 +28,6 @@ OBSERVED = Observed(READING, 0.0, DT, Request.NONE, 0.1, True, PreflightResult.P
 COLD = cold(LIMITS.thermal)
 LOOSE = LIMITS._replace(tracking=9.0)
 """For a motor that does not move while the cable is let out."""
-POWERED = (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING)
 NAN = math.nan
 
 
@@ -69,14 +68,6 @@ def lasting(cycles: int, requested_target: float = 0.5, **changes: float) -> lis
     return [(seen(**changes), requested_target)] * cycles
 
 
-def test_it_starts_stopped_and_gives_no_power_before_it_is_armed() -> None:
-    state = begin(LIMITS, READING, COLD)
-    assert state.decided.mode == Mode.STOPPED
-    for request in (Request.NONE, Request.RUN, Request.STOP, Request.ACKNOWLEDGE):
-        _, verdict = supervise(LIMITS, state, seen(request=request), 0.5, DT)
-        assert (verdict.mode, verdict.power) == (Mode.STOPPED, Power.OFF)
-
-
 def test_it_begins_where_the_motor_is_as_warm_as_it_was_left_and_knows_nothing_else() -> None:
     state = begin(LIMITS, READING, ThermalState(50.0, 40.0, 3.0))
     places = (
@@ -97,46 +88,6 @@ def test_it_begins_where_the_motor_is_as_warm_as_it_was_left_and_knows_nothing_e
     }
     known |= {"heat.winding": 50.0, "heat.housing": 40.0, "heat.i2t": 3.0}
     assert dict(zip(names(state), flat(state), strict=True)) == dict.fromkeys(names(state), 0.0) | known
-
-
-def test_armed_it_waits_for_drive_preflight_and_the_request_to_run() -> None:
-    state = begin(LIMITS, READING, COLD)
-    state, verdict = supervise(LIMITS, state, seen(request=Request.ARM, drive_state=1.0), 0.9, DT)
-    assert (verdict.mode, verdict.power, verdict.target) == (Mode.PREFLIGHT, Power.ON, 0.5)
-    state, verdict = supervise(LIMITS, state, seen(drive_state=2.0, motor=0.51, preflight=0.0), 0.9, DT)
-    assert verdict.target == 0.51, "until the drive is enabled, the target is where the motor is"
-    state, verdict = supervise(LIMITS, state, seen(preflight=0.0, motor=0.51), 0.52, DT)
-    assert (verdict.mode, verdict.target) == (Mode.PREFLIGHT, 0.52)
-    _, verdict = supervise(LIMITS, state, seen(preflight=0.0, motor=0.51, request=Request.RUN), 0.52, DT)
-    assert verdict.mode == Mode.PREFLIGHT, "not before the preflight has passed"
-    state, verdict = supervise(LIMITS, state, seen(motor=0.51), 0.52, DT)
-    assert verdict.mode == Mode.PREFLIGHT, "and not unasked"
-    _, verdict = supervise(LIMITS, state, seen(request=Request.RUN, motor=0.51), 0.52, DT)
-    assert (verdict.mode, verdict.power, verdict.target) == (Mode.RUNNING, Power.ON, 0.52)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"recorder": 0.0},
-        {"joint": NAN},
-        {"operator_age": 5.0},
-        {"emg_age": 5.0},
-        {"drive_state": 7.0},
-        {"tension": 1e3},
-        {"elapsed": -1.0},
-    ],
-)
-def test_it_is_not_armed_while_anything_is_wrong(wrong: dict[str, float]) -> None:
-    state = begin(LIMITS, READING, COLD)
-    _, verdict = supervise(LIMITS, state, seen(request=Request.ARM, **wrong), 0.5, DT)
-    assert (verdict.mode, verdict.power) == (Mode.STOPPED, Power.OFF)
-    assert verdict.faults > 0.0
-
-
-def test_a_lost_recorder_leaves_a_running_loop_alone() -> None:
-    for verdict in follow(lasting(30, recorder=0.0)):
-        assert (verdict.mode, verdict.reaction, of(verdict.faults)) == (Mode.RUNNING, 0.0, [Fault.RECORDER_LOST])
 
 
 def test_r1_holds_the_last_target_and_gives_the_motor_back() -> None:
@@ -182,42 +133,11 @@ def test_r2_lets_the_joint_down_at_its_speed_until_the_cable_is_taut_and_is_off_
     assert (verdicts[-1].mode, verdicts[-1].power, verdicts[-1].reaction) == (Mode.LATCHED, Power.OFF, 3.0)
 
 
-def test_a_worse_fault_ends_a_release_at_once() -> None:
-    verdicts = follow([*lasting(3, operator_age=9.0), *lasting(1, motor=NAN)])
-    assert (verdicts[-1].mode, verdicts[-1].power) == (Mode.LATCHED, Power.OFF)
-    assert set(of(verdicts[-1].faults)) == {Fault.OPERATOR_LOST, Fault.MOTOR_LOST}
-
-
 def test_an_operators_stop_releases_and_does_not_latch() -> None:
     rows = [*lasting(1, request=Request.STOP), *lasting(199), *lasting(100, drive_state=1.0, current=0.0)]
     verdicts = follow(rows, LOOSE._replace(taut=0.5))
     assert verdicts[0].mode == Mode.RELEASING
     assert (verdicts[-1].mode, verdicts[-1].power, verdicts[-1].faults) == (Mode.STOPPED, Power.OFF, 0.0)
-
-
-def test_a_stop_before_the_drive_is_enabled_is_off_at_once() -> None:
-    state = begin(LIMITS, READING, COLD)
-    state, _ = supervise(LIMITS, state, seen(request=Request.ARM, drive_state=1.0), 0.5, DT)
-    state, verdict = supervise(LIMITS, state, seen(request=Request.STOP, drive_state=2.0), 0.5, DT)
-    assert verdict.power == Power.OFF
-    _, verdict = supervise(LIMITS, state, seen(drive_state=2.0), 0.5, DT)
-    assert verdict.mode == Mode.STOPPED
-
-
-def test_a_latch_holds_until_it_is_acknowledged_and_then_a_new_preflight_is_due() -> None:
-    off = {"drive_state": 1.0, "current": 0.0}
-    rows = [
-        *lasting(1, emergency=0x5530),
-        *lasting(50, request=Request.ARM, **off),
-        *lasting(50, request=Request.RUN, **off),
-    ]
-    verdicts = follow([*rows, *lasting(1, request=Request.ACKNOWLEDGE, **off), *lasting(1, **off)])
-    assert {v.mode for v in verdicts[:-2]} == {Mode.LATCHED}
-    assert {v.power for v in verdicts} == {Power.OFF}
-    assert of(verdicts[50].faults) == [Fault.EMERGENCY]
-    assert (verdicts[-1].mode, verdicts[-1].faults) == (Mode.STOPPED, 0.0)
-    rest = [*lasting(1, request=Request.ACKNOWLEDGE, **off), *lasting(2, request=Request.ARM, preflight=0.0, **off)]
-    assert follow([*rows, *rest])[-1].mode == Mode.PREFLIGHT
 
 
 @pytest.mark.parametrize("keeps", [(4.0, 2.0), (4.0, 0.0), (5.0, 0.0), (6.0, 0.0), (1.0, 1.3), (1.0, -2.0)])
@@ -258,16 +178,6 @@ def test_a_motor_that_pulls_without_power_is_found_where_its_current_is_unknown(
     turned = [(seen(drive_state=1.0, current=current, motor=0.5 + speed * DT * i), 0.5) for i in range(150)]
     verdicts = follow(turned, limits, begin(limits, READING, COLD))
     assert any(Fault.NOT_DISABLED in of(verdict.faults) for verdict in verdicts) is found
-
-
-def test_what_comes_and_goes_while_it_is_latched_is_not_held() -> None:
-    rows = [*lasting(1, emergency=1.0), *lasting(2, drive_state=1.0, joint=NAN), *lasting(2, drive_state=1.0)]
-    assert of(follow(rows)[-1].faults) == [Fault.EMERGENCY]
-
-
-def test_an_emergency_stop_is_none_of_the_drives_codes() -> None:
-    for code, fault in ((EMERGENCY_STOP, Fault.EMERGENCY_STOP), (65535.0, Fault.EMERGENCY), (65537.0, Fault.EMERGENCY)):
-        assert of(follow(lasting(1, emergency=code))[-1].faults) == [fault]
 
 
 def test_a_late_cycle_is_judged_by_when_its_sample_was_taken() -> None:

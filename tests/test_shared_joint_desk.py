@@ -63,13 +63,16 @@ def quiet(bench: Bench) -> Bench:
     return bench._replace(joint_encoder=exact, motor_encoder=exact, motor=motor)
 
 
-def test_the_joint_is_the_same_compiled() -> None:
+def test_the_joint_stands_where_the_torques_balance_interpreted_and_compiled() -> None:
     random, kept = np.random.default_rng(1), compiled(shared_joint)
     for _ in range(200):
         signs = random.choice([-1.0, 1.0], random.integers(1, 5))
         ends = np.where(random.random(len(signs)) < 0.2, -signs * np.inf, random.uniform(-1.0, 1.0, len(signs)))
         push = float(random.uniform(-1.0, 1.0))
-        assert kept(ends, signs, push, LOAD) == shared_joint(ends, signs, push, LOAD)
+        joint = shared_joint(ends, signs, push, LOAD)
+        assert kept(ends, signs, push, LOAD) == joint
+        pulls = signs * 10.0 * np.maximum(0.0, signs * (ends - joint))  # a torn cable pulls nothing
+        assert pulls.sum() + push == pytest.approx(0.1 + 0.2 * joint, abs=1e-9)
 
 
 def test_a_joint_that_nothing_holds_rests_between_slack_cables() -> None:
@@ -111,7 +114,6 @@ def test_co_contraction_keeps_both_cables_taut_under_a_push() -> None:
     assert slack[4.0] == [0.0, 0.0]
     assert min(slack[0.0]) > 0.2
     assert rms[4.0] < rms[0.0] < rms[-4.0]
-    assert rms == pytest.approx({-4.0: 0.95, 0.0: 0.21, 4.0: 0.16}, abs=0.02)
 
 
 def test_the_encoder_may_be_that_of_the_motor_that_pulls_down() -> None:

@@ -1,13 +1,16 @@
 """The wearer's push on the suit: felt as little as promised, at rest with anyone; and a table is still a table."""
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bowden.control import LAWS
 from bowden.control.admittance.push import ROOM, push_source, stretched
-from bowden.control.admittance.virtual_elbow import Admittance
+from bowden.control.admittance.virtual_elbow import Admittance, admittance_step, beyond_band
 from bowden.control.reference import PointToPoint
 from bowden.control.source import TABLE, Measurement
 from bowden.core.kernel import compiled
@@ -16,6 +19,7 @@ from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 from bowden.design.felt import felt
 from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
+from bowden.models.suit.suit_angle import flexor_arm, spool_of
 from bowden.plants.presets.suit import suit
 from bowden.plants.suit_push import limit_for, push_of
 from bowden.sim.run import simulate
@@ -151,6 +155,45 @@ def test_a_limp_arm_floats_where_the_suit_carries_it() -> None:
     ends = floating["joint"][[1000, -1]]
     assert ends[0] - 2.0 * RADIANS < ends[1] < NEUTRAL  # at most to where the relaxed elbow wants to be
     assert sinking["joint"][-1] < ends[1] - 10.0 * RADIANS
+
+
+def test_at_its_start_the_source_is_where_the_motor_is_and_knows_of_no_push() -> None:
+    settings_ = push_of(SUIT, SURE, Admittance())
+    for motor, joint in ((0.7, 0.5), (0.3, 0.9)):
+        state = push_source(settings_).start(Measurement(joint, motor, 2.0, 3.0))
+        assert state.push == (0.0, 0.0, joint)
+        assert state.virtual == (motor, 0.0, 0.0)
+        assert state.estimate[:5] == (spool_of(motor, settings_.chain.map), joint, 0.0, 0.0, 0.0)
+
+
+angles, share = st.floats(0.1, 1.4), st.floats(0.0, 1.0)
+
+
+@given(angles, angles, st.floats(-20.0, 20.0), st.floats(-0.02, 0.02), share, share, st.sampled_from([1e-3, 5e-3]))
+def test_a_cycle_of_the_push_is_its_equations(
+    joint: float, motor: float, load: float, late: float, rested: float, carried: float, dt: float
+) -> None:
+    """The wearer's torque, the doubt of an elbow at rest, and the motor's lead, as the module's text has them."""
+    for law in ("bowden", "uncompensated"):
+        given_ = push_of(SUIT, LAWS[law], Admittance(), carried=carried)
+        given_ = given_._replace(rest=given_.rest._replace(cell=0.4))
+        (under, rest), seen = (given_.under, given_.rest), Measurement(joint, motor, 0.0, load)
+        begun = push_source(given_).start(seen)
+        begun = begun._replace(push=begun.push._replace(rested=rested, slow=joint - late))
+        after, shown, added = push_source(given_).step(begun, seen, Reference(0.0, 0.0, 0.0), dt)
+        held = carried * given_.weight * math.sin(joint + given_.elevation)
+        assert after.push.torque == pytest.approx(held - load)
+        assert (after.push.slow - joint + late) / dt == pytest.approx((joint - after.push.slow) / rest.smoothing)
+        goal, lag = (1.0, 0.4) if abs(joint - after.push.slow) / rest.smoothing < rest.still else (0.0, 0.1)
+        assert (after.push.rested - rested) / dt == pytest.approx((goal - after.push.rested) / lag)
+        counts = beyond_band(held - load, after.push.rested * 0.4)
+        virtual, reference = admittance_step(given_.admittance, begun.virtual, counts, dt)
+        assert after.virtual == pytest.approx(virtual)
+        assert shown == pytest.approx((stretched(given_, reference.position, held - load), *reference[1:]))
+        ratio = given_.chain.map.radius / flexor_arm(reference.position, given_.chain.map)
+        effort = (under.friction * math.tanh(reference.velocity / under.speed) + held * ratio) / under.stiffness * ratio
+        lead = under.lead * reference.velocity + under.lead_square * reference.acceleration
+        assert added == pytest.approx(lead + effort)
 
 
 def test_a_lost_load_cell_stops_the_reference() -> None:

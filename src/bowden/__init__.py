@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from bowden.core.kernel import kernel as kernel
     from bowden.core.signals import Reference as Reference
     from bowden.core.signals import Sample as Sample
-    from bowden.identify.given_log import read_log as read_log
+    from bowden.identify.log.read import read_log as read_log
     from bowden.live.mcap_read import read_trace as read_trace
     from bowden.models.cable.bouc_wen import BoucWen as BoucWen
     from bowden.models.cable.sheath import Sheath as Sheath
@@ -83,7 +83,7 @@ _HOMES = {
     "identify_servo": "bowden.operations.identify_servo",
     "init": "bowden.operations.init",
     "kernel": "bowden.core.kernel",
-    "read_log": "bowden.identify.given_log",
+    "read_log": "bowden.identify.log.read",
     "read_trace": "bowden.live.mcap_read",
     "run": "bowden.operations.run",
     "simulate": "bowden.operations.simulate",

@@ -21,6 +21,7 @@ from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.moteus_node import MoteusNode
 from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.hardware.twin.plant import OFF, TwinPlant
+from bowden.hardware.twin.servo_node import ServoNode
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.presets.bench import bench
@@ -134,7 +135,13 @@ class DrivenBus(MemoryBus):
         self.node.faults.inject(parse(text)._replace(start=self.time, end=self.time + lasting))
 
 
-NODES: dict[str, Any] = {"cia402": CanopenNode, "ak_mit": AkNode, "moteus": MoteusNode, "odrive": OdriveNode}
+NODES: dict[str, Any] = {
+    "cia402": CanopenNode,
+    "ak_mit": AkNode,
+    "moteus": MoteusNode,
+    "odrive": OdriveNode,
+    "dynamixel": ServoNode,
+}
 """Family → its twin."""
 
 

@@ -96,7 +96,7 @@ def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
     mode = Mode(int(row["mode"]))
     shown = faults.of(row["faults"])
     listed = [
-        fault_of(fault, one.came[fault] - watch.begin, row["recorder"], one.motor)
+        fault_of(fault, one.came[fault] - watch.begin, row["recorder"], one.motor, row.get("emg.loss"))
         for one in session.faults(row)
         for fault in (*one.causes, *one.consequences)
     ]
@@ -175,10 +175,12 @@ VOLATILE = ("elapsed", "remaining", "lateness", "estimates")
 """Of a run: what changes from moment to moment, and is no news by itself."""
 
 
-def fault_of(fault: Fault, at: float, recorder: float = RecorderState.OK, motor: str = "") -> dict[str, Any]:
+def fault_of(
+    fault: Fault, at: float, recorder: float = RecorderState.OK, motor: str = "", emg: float | None = None
+) -> dict[str, Any]:
     """A fault: since when, what it means and what to do; of several motors whose it is."""
     meaning = f"{motor}: {fault.meaning}" if motor else fault.meaning
-    remedy = remedy_of(fault, twin=False, recorder=recorder)
+    remedy = remedy_of(fault, twin=False, recorder=recorder, emg=emg)
     return {"name": fault.name.lower(), "at": round(at, 3), "meaning": meaning, "remedy": remedy}
 
 
@@ -226,7 +228,8 @@ def next_of(mode: Mode, row: Mapping[str, float], shown: list[Fault]) -> str:
     if mode == Mode.STOPPED and Fault.DRIVE_FAULT in shown:
         return "correct the cause, then acknowledge: that resets the drive"
     if mode == Mode.STOPPED and shown:
-        return f"cannot be armed: {shown[0].meaning}; {remedy_of(shown[0], twin=False, recorder=row['recorder'])}"
+        remedy = remedy_of(shown[0], twin=False, recorder=row["recorder"], emg=row.get("emg.loss"))
+        return f"cannot be armed: {shown[0].meaning}; {remedy}"
     if mode == Mode.PREFLIGHT and preflight:
         return "the preflight has passed: run" if preflight > 0.0 else "the preflight has failed"
     return _NEXT[mode]

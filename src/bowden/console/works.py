@@ -66,7 +66,7 @@ def details(progress: Progress, path: str) -> dict[str, Any]:
     faults = []
     if first is not None:
         motor, stop = first
-        faults = [fault_of(fault, stop.time, motor=motor) for fault in (*stop.causes, *stop.consequences)]
+        faults = [fault_of(fault, stop.time, motor=motor, emg=stop.emg) for fault in (*stop.causes, *stop.consequences)]
     whole = _summary(said)
     names, units = list(said.columns), list(said.columns.values())
     return {

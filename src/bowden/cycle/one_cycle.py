@@ -31,7 +31,7 @@ from bowden.core.kernel import kernel, placeholder, specialise
 from bowden.core.nested import flat, map_leaves, name_of, names, numbers_of, unflatten, unflatten_like, zeros_of
 from bowden.core.signals import DriveReading, Power, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
-from bowden.safety.evidence import validate_readings
+from bowden.safety.evidence import ValidatedReadings, validate_readings
 from bowden.safety.faults import Fault, Reaction
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Observed, SupervisorState, Verdict
@@ -222,6 +222,15 @@ def bare_start(settings: CycleSettings, measured: Measurement) -> CycleState:
 
 
 @kernel
+def filtered_sample(filters: Filters, before: Sample, readings: ValidatedReadings, dt: float) -> Sample:
+    """The last valid angles, each behind its low-pass."""
+    return Sample(
+        low_pass(before.joint, readings.joint.sensor.value, filters.joint, dt),
+        low_pass(before.motor, readings.motor.sensor.value, filters.motor, dt),
+    )
+
+
+@kernel
 def filtered_measurement(
     settings: CycleSettings, state: CycleState, observed: Observed, dt: float
 ) -> tuple[Sample, Measurement]:
@@ -230,12 +239,9 @@ def filtered_measurement(
     While an angle is missing or not credible the law has the last one that was, so that what the supervisor bridges
     leaves no trace in it. For the source such an angle is missing: a push is not guessed.
     """
-    filters, readings = settings.filters, validate_readings(settings.limits, state.supervisor, observed, dt)
+    readings = validate_readings(settings.limits, state.supervisor, observed, dt)
     joint, motor = readings.joint, readings.motor
-    sample = Sample(
-        low_pass(state.sample.joint, joint.sensor.value, filters.joint, dt),
-        low_pass(state.sample.motor, motor.sensor.value, filters.motor, dt),
-    )
+    sample = filtered_sample(settings.filters, state.sample, readings, dt)
     measured = Measurement(
         math.nan if joint.lost or joint.jumped else sample.joint,
         math.nan if motor.lost or motor.jumped else sample.motor,

@@ -79,7 +79,7 @@ class Contractions:
         Raises:
             ParameterError: something else than three axes.
         """
-        from bowden.identify.emg.figures import draw_signal
+        from bowden.design.contractions_figure import draw_signal
 
         found = shown.axes_for(axes, 3, 1, 7.0, 5.2)
         if len(found) != 3:
@@ -92,7 +92,7 @@ class Contractions:
         return shown.screen(self._title(), self._rows())
 
     def _repr_html_(self) -> str:
-        from bowden.identify.emg.figures import signal_figure
+        from bowden.design.contractions_figure import signal_figure
 
         figure = signal_figure(self.log, self.labels, self.findings)
         return shown.fragment(self._title(), self._rows(), figure)

@@ -1,12 +1,14 @@
 """The commented rig.toml of the default bench, made from its schema."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from bowden.control import LAWS, Law
 from bowden.core.quantity import meanings
 from bowden.rig.declaration import Section
+from bowden.rig.families import DEFAULT, family_named
 from bowden.rig.families import names as families
 from bowden.rig.sections import BEND_KINDS, REFERENCE_KINDS, Control, EncodersSection, RigFile, drive_part
 
@@ -32,11 +34,16 @@ class Key(NamedTuple):
     limits: str
 
 
-def toml_text(name: str = "rig.toml", law: str = Control().law) -> str:
-    """The commented rig.toml of the default bench; it says exactly what an empty file says, but for another law."""
-    parts = [_HEAD.format(name=name)]
+def toml_text(name: str = "rig.toml", law: str = Control().law, drive: str = DEFAULT) -> str:
+    """The commented rig.toml of the default bench; it says exactly what an empty file says, but for another law, and
+    another family of drives with what a bench with one has.
+    """
+    parts, example = [_HEAD.format(name=name)], family_named(drive).example
+    if drive != DEFAULT:
+        parts[0] += f"# Its drive is of the family {drive}, and motor, servo and limits fit it: put in yours.\n"
     for title, (chosen, *others) in sections():
-        table = _table(title, chosen)
+        given = dict(example.get(title, {})) | ({"family": drive} if title == "drive" and drive != DEFAULT else {})
+        table = _table(title, drive_part(drive).section if title == "drive" else chosen, given)
         parts.append(_with_law(table, law) if title == "control" else table)
         if title != "drive":  # drives of other families are on the page
             parts += [_commented(f"Or, in place of that:\n{_table(title, other)}") for other in others]
@@ -103,10 +110,12 @@ def keys_of(section: type[Section]) -> Iterator[Key]:
 _RULES = (("Gt", "gt", ">"), ("Ge", "ge", "≥"), ("Lt", "lt", "<"), ("Le", "le", "≤"))
 
 
-def _table(title: str, section: type[Section]) -> str:
-    """A section of the file with its comments."""
+def _table(title: str, section: type[Section], given: Mapping[str, Any] = MappingProxyType({})) -> str:
+    """A section of the file with its comments, and with the values that are given in place of the default ones."""
     rows = []
     for key in keys_of(section):
+        if key.name in given:
+            key = key._replace(example=json.dumps(given[key.name]), default="")
         unit = f"[{key.unit}] " if key.unit != "–" else ""
         symbol = f", {key.symbol}" if key.symbol else ""
         left = f"{key.name} = {key.example}"

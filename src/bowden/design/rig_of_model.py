@@ -11,13 +11,15 @@ import numpy as np
 from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
-from bowden.identify.servo.keys import NOT_YOURS
 from bowden.plants.counting import Counting, Covered
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.presets.bench import default_bench
 from bowden.plants.recounted import fitted_range
 from bowden.rig.sections import DEFAULT_CABLE
 from bowden.safety.limits import Limits
+
+NOT_YOURS = "[servo]  # of the paper's bench: put your own here; bowden identify-servo --into finds it from a log"
+"""Head of a section that ``bowden init`` writes, until there is a log."""
 
 _INSIDE = 0.1
 """Share of the joint's covered motion that the reference keeps away from its ends."""

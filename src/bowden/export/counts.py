@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 
 from bowden.core.quantity import Quantity
 from bowden.core.units import DEGREES
+from bowden.models.suit.suit_angle import SpoolMap, spool_map
 from bowden.plants.counting import NOT_SAID, Counting
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.presets.bench import default_bench
@@ -43,13 +44,13 @@ def _plus(number: float) -> str:
     return f"{'-' if number < 0.0 else '+'} {abs(number):.6g}"
 
 
-def counts_of(rig: Rig) -> Counts | None:
-    """How the encoders of a rig's log count; None on a suit, whose motor is counted through its spool.
+def counts_of(rig: Rig) -> Counts | SpoolMap:
+    """How the encoders of a rig's log count; on a suit how its spool turns with the elbow.
 
     One count is the resolution of the rig's encoder; of an ideal one it is a radian.
     """
     if rig.worn is not None:
-        return None
+        return spool_map(rig.worn.geometry, rig.worn.spool_radius)
     cable = rig.cable
     counting = cable.counting if isinstance(cable, IdentifiedCable) else Counting()
     return Counts(

@@ -11,6 +11,7 @@ from bowden.export import counts
 from bowden.export.kinds import identifier
 from bowden.export.module import Argument, Module, Public
 from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_from
+from bowden.models.suit.suit_angle import SpoolMap, motor_of, spool_of
 
 
 class LawState(NamedTuple):
@@ -38,7 +39,7 @@ def cycle(
     return LawState(law, conditioned), command
 
 
-def law_module(law: Law, sample_time: float, encoders: counts.Counts | None = None) -> Module:
+def law_module(law: Law, sample_time: float, encoders: counts.Counts | SpoolMap | None = None) -> Module:
     """``NAME_start`` and ``NAME_step``, with the law's gains as constants, and the conditioner of its reference within.
 
     What `bowden.cycle.one_cycle` does between source and requested target is one function of C. The cycle's length is a
@@ -47,7 +48,7 @@ def law_module(law: Law, sample_time: float, encoders: counts.Counts | None = No
     Args:
         law: with its gains.
         sample_time: length of a cycle [s].
-        encoders: how the rig's count, where the code is to have their conversions.
+        encoders: how the rig's count, or on a suit how its spool turns; None for code without conversions.
     """
     gains = Argument("gains", law.gains, constant=True, said="the law's gains")
     known = Argument("conditioning", law.conditioning, constant=True, said="what the conditioner knows of the rig")
@@ -83,8 +84,15 @@ def _motions() -> list[Public]:
     ]
 
 
-def _conversions(encoders: counts.Counts) -> list[Public]:
-    """``NAME_motor_angle``, ``NAME_joint_angle`` and ``NAME_motor_counts``."""
+def _conversions(encoders: counts.Counts | SpoolMap) -> list[Public]:
+    """``NAME_motor_angle``, ``NAME_joint_angle`` and ``NAME_motor_counts``; on a suit ``_spool_angle``."""
+    if isinstance(encoders, SpoolMap):
+        suit = Argument("suit", encoders, constant=True, said="how the spool turns with the elbow")
+        angle_of = "The motor's angle in the joint's coordinate [rad] from the spool's [rad]."
+        return [
+            Public("motor_angle", motor_of, (Argument("spool", 0.0), suit), ("return",), angle_of),
+            Public("spool_angle", spool_of, (Argument("motor", 0.0), suit), ("return",), "The other way round [rad]."),
+        ]
     constant = Argument("encoders", encoders, constant=True, said="how the rig's encoders count")
     n, angle = (constant, Argument("n", 0.0)), (constant, Argument("angle", 0.0))
     said = "from counts of an encoder that counts as in its log"

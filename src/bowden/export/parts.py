@@ -1,30 +1,39 @@
 """What stands round a law on the chip: the EMG detector before it, the safety gate behind it."""
 
 from bowden.core.errors import ParameterError
-from bowden.core.signals import EMERGENCY_STOP, DriveState
-from bowden.cycle.one_cycle import NOTHING_OBSERVED
+from bowden.core.kernel import kernel
+from bowden.core.signals import EMERGENCY_STOP, DriveState, Sample
+from bowden.cycle.one_cycle import NOTHING_OBSERVED, Filters, filtered_sample
 from bowden.export.kinds import identifier
 from bowden.export.module import Argument, Module, Public
+from bowden.hardware.emg.listener import filters_of
 from bowden.hardware.ports import Power
 from bowden.models.drive.thermal import cold
+from bowden.safety.evidence import validate_readings
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.state import Mode, Request
+from bowden.safety.state import Mode, Observed, Request, SupervisorState
 from bowden.safety.supervisor import begin, supervise
+from bowden.sensing.course import CourseSettings, course_start, course_step
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT
-from bowden.sensing.envelope import envelope_start, envelope_step, prepare_envelope
+from bowden.sensing.envelope import DEFAULTS, envelope_start, envelope_step, prepare_envelope
+from bowden.sensing.wearer_file import MuscleCalibration
 
+UNFILTERED = Filters()
 _FIRST = 0.7072067811865476
 """Stands for a first sample, to find out what becomes of it: a number that nothing else has."""
 
 
-def emg_modules(rate: float, kind: Detector = DEFAULT) -> tuple[Module, Module]:
+def emg_modules(
+    rate: float, kind: Detector = DEFAULT, wearer: MuscleCalibration | None = None
+) -> tuple[Module, Module]:
     """The envelope of an EMG signal, and the detector of contractions in it.
 
     Args:
         rate: samples a second [Hz].
         kind: the detector.
+        wearer: whom it is set to, as in a run; None for nobody.
 
     Raises:
         ParameterError: a rate that the detector does not take.
@@ -35,9 +44,10 @@ def emg_modules(rate: float, kind: Detector = DEFAULT) -> tuple[Module, Module]:
             expected=f"from {kind.safe:g} to {kind.quickest:g} Hz",
             do="change --emg-rate",
         )
-    value, detector = Argument("value", 0.0), kind.prepared(rate)
-    filters = Argument("chain", prepare_envelope(rate), constant=True, said="the filters' sections")
-    settings = Argument("detector", detector, constant=True, said="the detector at this rate")
+    settings, smoothing = (kind.settings, DEFAULTS) if wearer is None else filters_of(wearer, kind)
+    value, detector = Argument("value", 0.0), kind.prepared(rate, settings)
+    filters = Argument("chain", prepare_envelope(rate, smoothing), constant=True, said="the filters' sections")
+    detection = Argument("detector", detector, constant=True, said="the detector at this rate")
     enveloped, detected = (Argument("state", one) for one in (envelope_start(0.0), kind.start(detector, 0.0)))
     smoothed = "One sample: its envelope, and the signal without offset and mains, in the signal's own unit."
     active = "One sample, NAN if missing: 1 in a contraction; trouble is 1 for flat, 2 for movement or mains."
@@ -50,21 +60,53 @@ def emg_modules(rate: float, kind: Detector = DEFAULT) -> tuple[Module, Module]:
     onset = Module(
         identifier(kind.name),
         f"Contractions in an EMG signal of {rate:g} samples a second.",
-        [Public("step", kind.step, (settings, detected, value), ("state", "return", "trouble"), active)],
+        [Public("step", kind.step, (detection, detected, value), ("state", "return", "trouble"), active)],
         begins=("start", kind.start(detector, _FIRST), _FIRST, "Before the first sample, NAN if missing."),
     )
     return envelope, onset
 
 
-def safety_module(limits: Limits) -> Module:
-    """The supervisor, with a rig's limits as constants."""
+@kernel
+def sense(
+    limits: Limits,
+    filters: Filters,
+    supervisor: SupervisorState,
+    sample: Sample,
+    observed: Observed,
+    dt: float,
+) -> Sample:
+    """What the law is given in a cycle, as `cycle.one_cycle` gives it."""
+    return filtered_sample(filters, sample, validate_readings(limits, supervisor, observed, dt), dt)
+
+
+def course_module(settings: CourseSettings) -> Module:
+    """The reference that follows from contractions."""
+    given, low = (Argument("settings", settings, constant=True), Argument("low", settings.intent.low, constant=True))
+    muscles = Argument("flexes", False), Argument("extends", False), Argument("share", 0.0), Argument("dt", 0.001)
+    state = Argument("state", course_start(settings.intent.low))
+    moved = "One cycle of dt [s]: who contracts, the share of MVC or NAN, and where the joint should be."
+    return Module(
+        "course",
+        "Where the joint should be by contractions.",
+        [
+            Public("start", course_start, (low,), ("state",), "At rest, extended."),
+            Public("step", course_step, (given, state, *muscles), ("state", "reference"), moved),
+        ],
+    )
+
+
+def safety_module(limits: Limits, filters: Filters = UNFILTERED) -> Module:
+    """The supervisor, with a rig's limits as constants, and the angles that it lets the law see."""
     warm, reading = cold(limits.thermal), NOTHING_OBSERVED.reading
     thermal = Argument("thermal", limits.thermal, constant=True, said="the motor's thermal side")
     bound = Argument("limits", limits, constant=True, said="the rig's limits")
     first, warmth = Argument("reading", reading), Argument("warmth", warm)
     state, observed = Argument("state", begin(limits, reading, warm)), Argument("observed", NOTHING_OBSERVED)
     target, dt = Argument("requested_target", 0.0), Argument("dt", 0.001)
+    supervisor, sample = Argument("supervisor", state.example), Argument("sample", Sample(0.0, 0.0))
+    seen = bound, Argument("filters", filters, constant=True, said="in front of the law"), supervisor
     stopped = "Stopped, with the motor as warm as the last run left it."
+    sensed = "The sample of a law in this cycle: the last valid angles; before supervise, of its state."
     judged = "One cycle of dt [s]: the requested target [rad] or less, and whether there is power."
     return Module(
         "safety",
@@ -72,6 +114,7 @@ def safety_module(limits: Limits) -> Module:
         [
             Public("cold", cold, (thermal,), ("warmth",), "A motor as warm as its surroundings."),
             Public("begin", begin, (bound, first, warmth), ("state",), stopped),
+            Public("sense", sense, (*seen, sample, observed, dt), ("return",), sensed),
             Public("supervise", supervise, (bound, state, observed, target, dt), ("state", "verdict"), judged),
         ],
         enums=(Request, Mode, DriveState, Power, Fault),

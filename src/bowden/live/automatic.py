@@ -42,7 +42,7 @@ def _listed(row: Mapping[str, float], session: Watched) -> str:
     recorder = row.get("recorder", RecorderState.OK)
     return "; ".join(
         f"{f'{one.motor}: ' if one.motor else ''}{fault.meaning}: "
-        f"{remedy_of(fault, twin=session.on_twin, recorder=recorder)}"
+        f"{remedy_of(fault, twin=session.on_twin, recorder=recorder, emg=row.get('emg.loss'))}"
         for one in session.faults(row)
         for fault in sorted(one.came, key=lambda fault: -fault.then)
     )

@@ -216,14 +216,14 @@ def _serial(rig: Rig) -> str:
 
 
 def unseen_watch(rig: Rig) -> str:
-    """What the user should know of a drive whose watch over its host nobody can see; empty of others."""
+    """What the user should know of a drive that may keep its torque without its host; empty of others."""
     family = family_of(rig.drive)
     unseen = family.unseen_watch(rig.drive)
     if not unseen:
         return ""
     return (
-        f"{unseen}: if it is not, the motor keeps its last command when this computer dies, until its supply is cut; "
-        "so such a drive is powered on a bare bench alone (no_limb = true in [drive]), with no suit, EMG or admittance"
+        f"{unseen}; so such a drive is powered on a bare bench alone (no_limb = true in [drive]), with no suit, EMG or "
+        "admittance"
     )
 
 
@@ -257,5 +257,5 @@ def require_watch(rig: Rig, beside: Iterable[Rig] = ()) -> None:
         raise SafetyError(
             f"nobody has said that no limb is in this rig, and {family.unseen_watch(rig.drive)}",
             expected="no_limb = true in [drive], for a bare bench alone",
-            do="set the drive's timeout with its maker's tool, try it by hand (docs/drive_ak.md), and then say so",
+            do="see to it as docs/drives.md says for this drive, try it by hand, and then say so",
         )

@@ -33,6 +33,8 @@ class RunState(NamedTuple):
     on_twin: bool
     recorder: int = RecorderState.OK
     """The `RecorderState` of the newest cycle."""
+    emg: float | None = None
+    """Its `EmgLoss`, in a run by EMG."""
 
     @property
     def ended_well(self) -> bool:
@@ -73,7 +75,8 @@ def outcome_of(log: Recording, found: Sequence[RunStop], *, twin: bool) -> str:
     bits = [float(np.nan_to_num(part["faults"][-1])) if "faults" in part.columns else 0.0 for part in parts]
     recorder = log["recorder"][-1] if "recorder" in log.columns else RecorderState.OK
     at_end = dict.fromkeys(fault for one in bits for fault in held_back(one))
-    said = "; ".join(f"{fault.meaning}; {remedy_of(fault, twin=twin, recorder=recorder)}" for fault in at_end)
+    emg = log["emg.loss"][-1] if "emg.loss" in log.columns else None
+    said = "; ".join(f"{fault.meaning}; {remedy_of(fault, twin=twin, recorder=recorder, emg=emg)}" for fault in at_end)
     if latched and found:
         last = found[-1]
         motor = f"{last.motor}: " if last.motor else ""
@@ -129,7 +132,8 @@ def _faults(run: RunState) -> list[str]:
     first, *others = sorted((MotorFaults(name, *told_apart(came), came) for name, came in each), key=_order)
     where = f"{first.motor}: " if first.motor else ""
     found = [
-        f"{where}{fault.meaning}; {remedy_of(fault, twin=run.on_twin, recorder=run.recorder)}" for fault in first.causes
+        f"{where}{fault.meaning}; {remedy_of(fault, twin=run.on_twin, recorder=run.recorder, emg=run.emg)}"
+        for fault in first.causes
     ]
     later = [fault.meaning for fault in first.consequences]
     later += [f"{one.motor}: {fault.meaning}" for one in others for fault in (*one.causes, *one.consequences)]

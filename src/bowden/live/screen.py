@@ -45,7 +45,7 @@ def picture(session: Session, row: dict[str, float], auto: bool, answer: str = "
     for one in session.faults(row):  # all that must be seen stands above: a low terminal cuts the end off
         where = f"{one.motor}: " if one.motor else ""
         for fault in one.causes:
-            remedy = remedy_of(fault, twin=session.on_twin, recorder=row["recorder"])
+            remedy = remedy_of(fault, twin=session.on_twin, recorder=row["recorder"], emg=row.get("emg.loss"))
             table.add_row("[red]fault[/red]", f"{where}[red]{fault.meaning}[/red]: {remedy}")
         if one.consequences:
             table.add_row("[red]follows[/red]", where + ", ".join(fault.meaning for fault in one.consequences))

@@ -336,9 +336,15 @@ class Session:
         return RecorderState.OK if self._last is None else int(self._last[AT["recorder"]])
 
     @property
+    def emg_loss(self) -> float | None:
+        """The `EmgLoss` of that cycle; None of a run without EMG."""
+        names = self.rows.description.columns
+        return None if self._last is None or "emg.loss" not in names else float(self._last[names.index("emg.loss")])
+
+    @property
     def _state(self) -> RunState:
         known = (self.ended, self.error, self.mode, self.motors, self.live.patience, self.on_twin)
-        return RunState(*known, self.recorded)
+        return RunState(*known, self.recorded, self.emg_loss)
 
     @property
     def recorder(self) -> int:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.hardware.emg.intent_block import EmgLoss
 from bowden.live.figures import RunStop
 from bowden.live.mcap_read import Recording
 from bowden.live.ring_status import RecorderState
@@ -26,8 +27,9 @@ STALLED = "this computer stopped for {:.0f} ms, which is not a fault of the rig:
 lasts takes its torque off itself."""
 Array = NDArray[np.float64]
 
-NEEDED = ("time", "mode", "faults", "lateness", "supervisor.timers.late", "operator_age")
-"""Columns of the log that are looked at; the last one may be missing."""
+_MUST = ("time", "mode", "faults", "lateness", "supervisor.timers.late")
+NEEDED = (*_MUST, "operator_age", "emg.loss")
+"""Columns of the log that are looked at; the last two may be missing."""
 OF_THE_COMPUTER = frozenset({Fault.LATE, Fault.CLOCK})
 """Faults of this computer, and not of the rig."""
 _OLD = frozenset({Fault.JOINT_STALE, Fault.MOTOR_STALE})
@@ -81,16 +83,30 @@ _OF_RECORDER: Mapping[float, str] = {
     RecorderState.DEAD: f"the recorder was killed, or not let run (`bowden doctor`): {_RECORD_AGAIN}",
 }
 """Remedies where it is known why nothing is recorded."""
+_OF_EMG: Mapping[float, str] = {
+    EmgLoss.READER: "the process that reads the stream stalled or ended, whatever the electrodes do: close other "
+    "programs, run `bowden doctor`, and begin another run",
+    EmgLoss.STREAM: "no new samples came, whatever the electrodes do: look at the program that sends, its base station "
+    "and its network; then arm again",
+    EmgLoss.DEAD: "samples came, of a signal that is flat, at its limit, missing or repeated: look at the electrodes, "
+    "their contact and their sender; then arm again",
+    EmgLoss.NOISY: "samples came, full of movement or mains: look at the electrodes, their contact and their cables; "
+    "then arm again",
+}
+"""Remedies where it is known what was lost."""
 
 
-def remedy_of(fault: Fault, *, twin: bool, recorder: float = RecorderState.OK) -> str:
+def remedy_of(fault: Fault, *, twin: bool, recorder: float = RecorderState.OK, emg: float | None = EmgLoss.NONE) -> str:
     """What to do about a fault; of a command's own twin without what only a drive asks for.
 
     Args:
         fault: to be mended.
         twin: whether the drive is the command's own twin.
         recorder: the `RecorderState` of the cycle that shows it.
+        emg: the `EmgLoss` of that cycle.
     """
+    if fault == Fault.EMG_LOST:
+        return _OF_EMG.get(emg or EmgLoss.NONE, fault.remedy)
     if fault == Fault.RECORDER_LOST:
         return _OF_RECORDER.get(recorder, fault.remedy)
     return _OF_TWIN.get(fault, fault.remedy) if twin else fault.remedy
@@ -109,6 +125,8 @@ class Stop(NamedTuple):
     """Largest lateness of a cycle, or of the last ones together, in the half second before [s]."""
     alone: float = 0.0
     """Largest age of the operator's sign of life in that time [s]."""
+    emg: float = EmgLoss.NONE
+    """Which `EmgLoss` it was, in a run by EMG."""
 
 
 def stops(log: Recording) -> list[Stop]:
@@ -117,7 +135,7 @@ def stops(log: Recording) -> list[Stop]:
     Args:
         log: of the run, with the columns of `NEEDED`.
     """
-    return list(_stops(log)) if len(log.rows) and {*NEEDED[:-1]} <= {*log.columns} else []
+    return list(_stops(log)) if len(log.rows) and {*_MUST} <= {*log.columns} else []
 
 
 def _stops(log: Recording) -> Iterator[Stop]:
@@ -142,6 +160,7 @@ def _stops(log: Recording) -> Iterator[Stop]:
             *told_apart(onsets(bits[begin:over], time[begin:over])),
             _most(log["lateness"][since], log["supervisor.timers.late"][since]),
             _most(log["operator_age"][since]) if "operator_age" in log.columns else 0.0,
+            float(log["emg.loss"][at]) if "emg.loss" in log.columns else EmgLoss.NONE,
         )
 
 
@@ -239,7 +258,7 @@ def _said(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> RunStop:
     return RunStop(
         round(stop.time, 6),
         tuple(fault.meaning for fault in stop.causes),
-        tuple(remedy_of(fault, twin=twin) for fault in stop.causes),
+        tuple(remedy_of(fault, twin=twin, emg=stop.emg) for fault in stop.causes),
         tuple(fault.meaning for fault in stop.consequences),
         too_busy(stop, limits) or None,
     )

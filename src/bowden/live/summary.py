@@ -34,7 +34,9 @@ def ended_run(session: Session) -> EndedRun:
         **_end(session.ended, ended.why_not(session.live.names)),
         drive=session.ready["drive"],
         ended_well=session.ended_well,
-        remedies=tuple(stops.remedy_of(one, twin=session.on_twin, recorder=session.recorded) for one in bits),
+        remedies=tuple(
+            stops.remedy_of(one, twin=session.on_twin, recorder=session.recorded, emg=session.emg_loss) for one in bits
+        ),
         stalled_ms=round(1e3 * ended.stalled, 3) or None,
         unattended=stops.unattended(gone, session.live.patience) if gone else None,
         error=session.error or None,

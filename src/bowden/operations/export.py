@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from bowden.control import Law
     from bowden.export.counts import Counts
     from bowden.export.module import Module
+    from bowden.models.suit.suit_angle import SpoolMap
     from bowden.rig.rig import Rig
     from bowden.safety.limits import Limits
 
@@ -23,6 +24,8 @@ RECORDED = 5.0
 """Length of the run that goes with the code, at most [s]."""
 _MARK = b"Written by bowden"
 """In the beginning of what an export writes: of its README.md, and of each file of the law."""
+_TAKEN = ("replay", "loop", "board", "arduino", "math", "stdio", "stdlib", "string")
+"""Names of files, which no law's may be."""
 _HEAD = 500
 """Of a file, in which that stands [bytes]."""
 
@@ -56,7 +59,7 @@ class Exported(Result["Exported"]):
     check: Verdict | None
     """What bowden check says of it on this rig; null where it cannot judge the law."""
     precision: Literal["double", "float"]
-    """Type of the law's and the detector's numbers; the safety gate's is double."""
+    """Type of the law's and the detector's numbers; the supervisor's is double."""
     modules: tuple[str, ...]
     """What was exported, by the name that its files, types and functions begin with; the law first."""
     files: tuple[Path, ...]
@@ -88,7 +91,6 @@ def export(
     float32: bool = False,
     emg: bool = False,
     emg_rate: float | None = None,
-    safety: bool = False,
     force: bool = False,
     progress: Annotated["Callable[[str, float], None] | None", Switch(Role.PROGRESS)] = None,
 ) -> Exported:
@@ -106,9 +108,8 @@ def export(
         motor: the motor, of a rig with several.
         target: one of host, cortex-m4f, cortex-m33, cortex-m7, esp32; ``float`` where the hardware has no ``double``.
         float32: use ``float`` on any target.
-        emg: export the EMG's envelope and detector too.
-        emg_rate: samples of EMG a second, 2000 by default; with it they are exported.
-        safety: export the supervisor with the rig's limits too.
+        emg: let contractions move the reference, as `[emg]` of the rig says.
+        emg_rate: samples of EMG a second, 2000 by default; with it contractions move the reference.
         force: export gains that fail the check on the rig, and limits with which a run is refused, too.
         progress: a function of what is being done and the share done.
 
@@ -132,29 +133,30 @@ def export(
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
     from bowden.export.counts import counts_of, guessed
-    from bowden.export.readme import TARGETS, YOURS
+    from bowden.export.files import files
+    from bowden.export.readme import TARGETS, YOURS, pages
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
 
     whole = given.under(given.rig_of(rig).only(motor), law, preset)
     own, name = whole.fitted(), given.name_of(whole)
     refused = refusals(given.rig_of(rig))
-    if refused and safety and not force:
-        raise ParameterError(
-            f"the limits of the supervisor are not exported: {refused[0]}",
-            do=f"or export them anyway with {argument('force', True)}",
-        )
+    if refused and not force:
+        raise ParameterError(refused[0], do=f"or export it anyway with {argument('force', True)}")
     output_folder(folder, argument("folder"))
     if target not in TARGETS:
         do = f"correct {argument('target')}"
         raise ParameterError(f"there is no target {target!r}", expected=near(target, TARGETS), do=do)
     float32 = float32 or TARGETS[target]
-    counts, doubt = counts_of(whole), guessed(whole)
-    modules = _modules(whole, own, counts, (emg_rate or 2000.0) if emg or emg_rate else None, safety=safety)
-    said = _said(name, own, preset, float32=float32, counts=counts) + (f" Beware: {doubt}." if doubt else "")
+    encoders, doubt, rate = counts_of(whole), guessed(whole), emg_rate or 2000.0
+    modules = _modules(whole, own, encoders, rate if emg or emg_rate else None)
+    said = _said(name, own, preset, float32=float32, encoders=encoders) + (f" Beware: {doubt}." if doubt else "")
     if whole.worn is None and whole.plant is None:
         said += f" Its gains are judged for {whole.servo_text}."
-    texts = _texts(modules, own, counts, whole.sample_time, said, float32=float32)
+    texts = pages(whole, own, modules, encoders, said, rate, single=float32)
+    for module in modules:
+        single = float32 and module.prefix != "safety"  # what it adds up over minutes needs more than a float
+        texts |= files(module, said, single=single)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
     kept = [name for name in YOURS if (folder / name).exists()]
     texts = {name: text for name, text in texts.items() if name not in kept}
@@ -189,59 +191,47 @@ def export(
     )
 
 
-def _modules(
-    rig: "Rig", law: "Law", counts: "Counts | None", emg_rate: float | None, *, safety: bool
-) -> "list[Module]":
-    """The law's module first.
+def _modules(rig: "Rig", law: "Law", encoders: "Counts | SpoolMap", emg_rate: float | None) -> "list[Module]":
+    """The law's module first, the detector's last.
 
     Raises:
         ParameterError: two modules of one name.
     """
     from bowden.core.errors import ParameterError
     from bowden.export.law import law_module
-    from bowden.export.parts import emg_modules, safety_module
+    from bowden.export.parts import course_module, emg_modules, safety_module
+    from bowden.rig.emg_run import course_of
     from bowden.sensing.detectors import detector_named
 
-    modules = [law_module(law, rig.sample_time, counts)]
+    limits = limits_of(rig, law)._replace(uses_emg=emg_rate is not None)
+    modules = [law_module(law, rig.sample_time, encoders), safety_module(limits, rig.filters)]
     if emg_rate is not None:
-        modules += emg_modules(emg_rate, detector_named(rig.emg.detector))
-    if safety:
-        modules.append(safety_module(_limits(rig, law)._replace(uses_emg=emg_rate is not None)))
+        given = rig.emg
+        modules += [course_module(course_of(given))]
+        modules += emg_modules(emg_rate, detector_named(given.detector), given.levels)
     names = [module.prefix for module in modules]
-    if len(set(names)) < len(names) or names[0] in ("replay", "math", "stdio", "stdlib", "string"):
+    if len(set(names)) < len(names) or names[0] in _TAKEN:
         raise ParameterError(f"the law {law.name!r} has the name of another file", do="give it another name")
     return modules
 
 
-def _limits(rig: "Rig", law: "Law") -> "Limits":
+def limits_of(rig: "Rig", law: "Law") -> "Limits":
+    """The supervisor's limits in a run of this law."""
     from bowden.design.forecast import off_reference
 
     _ = rig.drive_parameters  # which refuses limits that contradict one another
     return rig.supervisor_limits._replace(off_reference=off_reference(rig, law))
 
 
-def _said(rig: str, law: "Law", preset: str | None, *, float32: bool, counts: "Counts | None") -> str:
+def _said(rig: str, law: "Law", preset: str | None, *, float32: bool, encoders: "Counts | SpoolMap") -> str:
     """What the code was made from."""
     import bowden
+    from bowden.export.counts import Counts
 
     gains = f" with the preset {preset}" if preset else ""
     kind = "float" if float32 else "double"
-    angles = "" if counts is None else f" {counts.notes()}"
+    angles = f" {encoders.notes()}" if isinstance(encoders, Counts) else ""
     return f"{_MARK.decode()} {bowden.__version__}: the law {law.name}{gains} for {rig}, in {kind}.{angles}"
-
-
-def _texts(
-    modules: "list[Module]", law: "Law", counts: "Counts | None", period: float, said: str, *, float32: bool
-) -> dict[str, str]:
-    """Name → text of every file but the recording."""
-    from bowden.export.files import files
-    from bowden.export.readme import pages
-
-    texts: dict[str, str] = {}
-    for module in modules:
-        single = float32 and module.prefix != "safety"  # whose set of faults has more bits than a float
-        texts |= files(module, said, single=single)
-    return texts | pages(modules, law, counts, said, period, single=float32)
 
 
 def _only_ours(folder: Path, names: set[str]) -> None:
@@ -324,7 +314,7 @@ OPERATIONS = (
         export,
         (
             "bowden export rig.toml --law bowden --to firmware/law",
-            "bowden export rig.toml --to firmware/law --target cortex-m4f --emg --safety",
+            "bowden export rig.toml --to firmware/law --target cortex-m4f --emg",
         ),
         place=120,
     ),

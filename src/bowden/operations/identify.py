@@ -275,10 +275,10 @@ def identify(
     """
     from bowden.identify.cable.identification import identify as identify_cable
     from bowden.identify.given_log import known_cable, logs_of, variables_of
+    from bowden.identify.log.read import Layout
     from bowden.operations.support.progress import reported
 
-    given = {"time": time, "unit": unit, "counts_per_turn": counts_per_turn, "rate": rate, "name": name}
-    logs = logs_of(log, motor, joint, spool_radius_mm=spool_radius_mm, **given)  # type: ignore[arg-type]
+    logs = logs_of(log, Layout(time, motor, joint, unit, counts_per_turn, spool_radius_mm, rate), name)
     known = known_cable(model, len(logs))
     by = variables_of({"load": load, "bend": bend}, log, logs, known)
     with reported(progress, "identify") as report:

@@ -1,22 +1,55 @@
 """`identify-servo`: natural frequency, damping, delay and limits from a log of command and motor."""
 
+import math
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from bowden.identify.servo.figures import ServoFigures
+from bowden.core.documented import Documented
 from bowden.operations.support.operation import GivenProgress, Operation, Switch
 from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
-    from bowden.identify.servo.fit import ServoFit
+    from bowden.identify.servo.fit import ServoEstimate, ServoFit
     from bowden.plants.counting import Encoders
+
+_NO_CYCLE = 0.05
+"""Share of a cycle by which a measured delay may be beyond whole ones before it is rounded up [–]."""
 
 
 @dataclass(frozen=True)
-class ServoIdentification(ServoFigures, Result["ServoFit"]):
+class FittedValue(Documented):
+    """A value and its uncertainty."""
+
+    value: float
+    uncertainty: float
+    """Standard uncertainty."""
+
+
+@dataclass(frozen=True)
+class ServoIdentification(Result["ServoFit"]):
     """A servo, as a rig.toml has it."""
 
+    natural_frequency_hz: FittedValue
+    """Natural frequency under the position loop [Hz]."""
+    damping: FittedValue
+    """Damping ratio."""
+    delay_s: FittedValue
+    """Between the logged command and the moment it acts, fractions of a sample included [s]."""
+    delay_cycles: int
+    """The same in cycles of the rig, rounded up, with those of the joint's sensor."""
+    joint_late_s: float
+    """How late the rig's joint sensor is, by the log of its cable; 0 without `into` [s]."""
+    sample_time_ms: float
+    """One cycle of the rig [ms]."""
+    speed_limit_deg_per_s: FittedValue | None
+    """Largest speed; null where the log does not reach it [deg/s]."""
+    acceleration_limit_deg_per_s2: FittedValue | None
+    """Largest acceleration; null where the log does not reach it [deg/s²]."""
+    residual_deg: float
+    """Root mean square of motor - model [deg]."""
+    unexplained: float
+    """The same as a share of the motor's motion."""
     warnings: tuple[str, ...]
     """What was mended in the log: repeated or uneven time stamps."""
     _: KW_ONLY
@@ -69,8 +102,8 @@ def identify_servo(
     >>> round(identify_servo(path).natural_frequency.value)
     40
     """
+    from bowden.core.units import HERTZ, RADIANS
     from bowden.identify.servo.fit import identify_servo as fit
-    from bowden.identify.servo.keys import figures_of
     from bowden.identify.servo.log import read_servo_log
     from bowden.operations.support.given import check_number
     from bowden.operations.support.progress import reported
@@ -84,7 +117,25 @@ def identify_servo(
     with reported(progress, "identify-servo") as report:
         report("fitting the servo", 0.0)
         found = fit(*columns)
-    return ServoIdentification(**vars(figures_of(found, cycle, encoders)), warnings=tuple(notes), fit=found)
+    own_cycles = math.ceil(found.delay.value * 1e3 / cycle - _NO_CYCLE)
+    return ServoIdentification(
+        natural_frequency_hz=_in(found.natural_frequency, HERTZ),
+        damping=_in(found.damping, 1.0),
+        delay_s=_in(found.delay, 1.0),
+        delay_cycles=max(0, own_cycles) + encoders.late_cycles(1e-3 * cycle),
+        joint_late_s=encoders.joint_late,
+        sample_time_ms=cycle,
+        speed_limit_deg_per_s=found.speed_limit and _in(found.speed_limit, RADIANS),
+        acceleration_limit_deg_per_s2=found.acceleration_limit and _in(found.acceleration_limit, RADIANS),
+        residual_deg=found.residual / RADIANS,
+        unexplained=found.share,
+        warnings=tuple(notes),
+        fit=found,
+    )
+
+
+def _in(estimate: "ServoEstimate", unit: float) -> FittedValue:
+    return FittedValue(estimate.value / unit, estimate.uncertainty / unit)
 
 
 def _cycle_of(path: Path, given: float | None) -> "tuple[float, Encoders]":

@@ -87,6 +87,7 @@ def init_file(
     *,
     model: Path | None = None,
     suit: bool = False,
+    drive: str | None = None,
     force: bool = False,
 ) -> Initialised:
     """Write a commented rig.toml of the default bench: every key with its unit and meaning.
@@ -99,20 +100,22 @@ def init_file(
         path: the file to write.
         model: the model.toml of ``bowden identify``: a bench with that cable, within its motion.
         suit: write a suit on an arm, moved by EMG, in place of the bench.
+        drive: family of the bench's drive, such as ak_mit or dynamixel; cia402 if left out.
         force: overwrite a file that is there.
 
     Raises:
-        ParameterError: a model that cannot be read.
+        ParameterError: a model that cannot be read, or a family that there is not.
         OutputError: a file that is there, or cannot be written.
     """
     import os
 
     from bowden.core.caller import argument
-    from bowden.core.errors import OutputError
+    from bowden.core.errors import OutputError, ParameterError
     from bowden.core.files import shortened, whole_file
     from bowden.design import rig_of_bench
     from bowden.design.other_law import OURS
     from bowden.design.rig_of_suit import suit_text
+    from bowden.rig.families import DEFAULT
 
     try:
         is_there, is_folder = path.exists(), path.is_dir()
@@ -123,6 +126,12 @@ def init_file(
     if is_there and not force:
         do = f"choose another name, or overwrite it with {argument('force', True)}"
         raise OutputError(f"{path} is there already", do=do)
+    if drive is not None and (suit or model is not None):
+        raise ParameterError(
+            f"{argument('drive')} is of the default bench",
+            expected=f"it without {argument('model')} and {argument('suit', True)}",
+            do="write such a bench into another file, and take its [drive], [motor] and [servo] from there",
+        )
     said: tuple[str, ...] = ()
     trust = None
     if model is not None:
@@ -135,7 +144,7 @@ def init_file(
         )
         text, said, trust = made.text, made.notes, cable.trust
     else:
-        text = suit_text(path.name) if suit else rig_of_bench.toml_text(path.name, OURS)
+        text = suit_text(path.name) if suit else rig_of_bench.toml_text(path.name, OURS, drive or DEFAULT)
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
     return Initialised((path,), said=said, cable_trust=trust)
@@ -148,6 +157,7 @@ OPERATIONS = (
         (
             "bowden init",
             "bowden init my_rig.toml --force",
+            "bowden init servo.toml --drive dynamixel",
             "bowden init --model out/identify/model.toml",
             "bowden init suit.toml --suit --model out/identify/model.toml",
         ),

@@ -10,7 +10,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
-from bowden.models.drive.geared_motor import GearedMotor, check_geared_motor
+from bowden.models.drive.geared_motor import GearedMotor, check_geared_motor, no_load_speed
 from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.drive.servo import Servo
 from bowden.models.drive.thermal import Thermal
@@ -136,8 +136,7 @@ class Suit(NamedTuple):
     @property
     def _fastest(self) -> float:
         """Speed of the unloaded motor, in the joint's coordinate where the flexor's lever is least [rad/s]."""
-        motor = self.motor
-        return motor.supply / (motor.gear * motor.torque_constant) * self.spool_radius / self.geometry.half_width
+        return no_load_speed(self.motor) * self.spool_radius / self.geometry.half_width
 
     def draw(self, seed: int, out: Array) -> None:
         """See `Plant.draw`: current and load cell have numbers of their own, which leaves the angles' as they are."""

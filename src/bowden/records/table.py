@@ -13,6 +13,7 @@ import json
 import math
 import os
 import re
+import shlex
 import zipfile
 import zlib
 from array import array
@@ -131,6 +132,13 @@ def read_table(path: Path) -> Table:
         kind = next((one for begin, one in _BEGINNINGS.items() if head.startswith(begin)), None)
         if kind == "workbook":
             return _workbook_table(path)
+        if kind == "bag" and b"bowden" in head:
+            raise LogError(
+                f"{path} is the log of a live run",
+                expected="time, motor and joint in columns",
+                do=f"write them: bowden log export {shlex.quote(str(path))}; in Python read it with "
+                "bowden.read_trace(path), which bowden.identify takes",
+            )
         if kind == "bag":  # what its messages are, the folder says
             if not is_bag(path.parent):
                 raise LogError(f"{path} is a part of a bag of ROS 2", expected="its folder", do=f"put {_BAG} beside it")
@@ -202,9 +210,12 @@ def readable(path: Path) -> Iterator[None]:
         yield
     except DAMAGED as error:
         raise LogError(f"{path} is damaged: {error}", do="copy it again") from None
+    except IsADirectoryError:
+        raise LogError(f"{path} is a folder", expected="a log file", do=f"give the path of one: {KINDS}") from None
+    except FileNotFoundError:
+        raise LogError(f"cannot read {path}: no such file", do="check the path") from None
     except OSError as error:
-        why = "no such file" if isinstance(error, FileNotFoundError) else error.strerror or error
-        raise LogError(f"cannot read {path}: {why}", expected="a CSV or Parquet file") from None
+        raise LogError(f"cannot read {path}: {error.strerror or error}", do="check its permissions") from None
     except (ValueError, csv.Error) as error:
         said = _printable(" ".join(str(error).split()))
         raise LogError(f"{path} is not a table: {said}", expected="CSV or Parquet with a row of names") from None

@@ -9,7 +9,8 @@ from bowden.control.knowledge import with_cable
 from bowden.core.errors import ParameterError
 from bowden.core.units import HERTZ, RADIANS
 from bowden.cycle.one_cycle import Filters
-from bowden.models.suit.suit_angle import spool_map
+from bowden.models.drive.geared_motor import no_load_speed
+from bowden.models.suit.suit_angle import spool_map, steepest_spool
 from bowden.plants.suit_parts import Suit
 from bowden.plants.worn_suit import USUAL_DEAD_ZONE, elbow_dead_zone
 from bowden.rig.consistent import Basis, follow
@@ -126,6 +127,11 @@ def drive_needs(rig: Rig) -> DriveNeeds:
         )
     motor, servo = (rig.motor, rig.servo) if suit is None else (suit.motor, suit.motor.servo)
     stiffness = motor.inertia * servo.natural_frequency**2
+    fastest, spool = servo.speed_limit, None
+    if suit is not None:
+        spool = spool_map(suit.geometry, suit.spool_radius)
+        turned = steepest_spool(allowed.motor_low, allowed.motor_high, spool)
+        fastest = min(fastest, no_load_speed(suit.motor) / turned)
     slow = suit is not None and 0.0 < suit.motor.integral < SURE_INTEGRAL
     return DriveNeeds(
         gear=motor.gear,
@@ -133,11 +139,11 @@ def drive_needs(rig: Rig) -> DriveNeeds:
         sample_time=rig.sample_time,
         lowest_motor=allowed.motor_low,
         highest_motor=allowed.motor_high,
-        speed_limit=min(allowed.motor_speed, servo.speed_limit),  # a drive is not asked for more than it can
+        speed_limit=min(allowed.motor_speed, fastest),  # a drive is not asked for more than it can
         following_error=allowed.target_reach,
         current_limit=allowed.current_peak,
         torque_offset=0.0 if suit is None else suit.motor.friction_feedforward,
-        spool=None if suit is None else spool_map(suit.geometry, suit.spool_radius),
+        spool=spool,
         heartbeat_age=allowed.heartbeat_age,
         lag_current=0.0 if slow else stiffness / (motor.gear * motor.torque_constant),
         lag_time=2.0 * servo.damping / servo.natural_frequency,

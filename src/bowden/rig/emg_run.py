@@ -77,15 +77,13 @@ def emg_run(given: EmgSettings) -> EmgRun | None:
             expected="a file of a maximum contraction",
             do="measure one with bowden emg calibrate",
         )
-    muscles = 1 if given.extensor is None else 2
-    intent = IntentSettings(given.low, given.high, given.duration, muscles)
     return EmgRun(
         given.place or given.source,
         given.flexor,
         given.extensor,
         given.levels,
         given.wearer or "",
-        CourseSettings(intent, given.mode == "proportional", given.full),
+        course_of(given),
         given.recording,
         detector_named(given.detector),
     )
@@ -102,3 +100,9 @@ def check_recording(run: EmgRun) -> None:
         raise StreamError(
             f"{path} has changed since the rig was read", expected="the recording that was checked", do="start again"
         )
+
+
+def course_of(given: EmgSettings) -> CourseSettings:
+    """How contractions move the reference."""
+    intent = IntentSettings(given.low, given.high, given.duration, 1 if given.extensor is None else 2)
+    return CourseSettings(intent, given.mode == "proportional", given.full)

@@ -2,8 +2,8 @@
 
 import math
 import pkgutil
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -156,14 +156,20 @@ class DriveFamily:
     measures_joint: Callable[[Any], bool] = lambda _: True
     """True if the joint's angle is measured at all; a rig without it is not run, since law and supervisor need it."""
     unseen_watch: Callable[[Any], str] = lambda _: ""
-    """Why nobody can see over the bus that the drive's `watchdog` works; empty where bring-up tries it or reads it
-    back. With a limb in the rig such a drive is refused, and without one the rig has to say so (`no_limb`)."""
+    """Why nobody knows that its torque goes when this computer dies, as nobody sees over the bus that its `watchdog`
+    works, or as it has none; empty where bring-up tries it or reads it back. With a limb in the rig such a drive is
+    refused, and without one the rig has to say so (`no_limb`)."""
+    cycle_time: Callable[[Sequence[Any]], float] | None = None
+    """``cycle_time(drives)``: shortest cycle with these drives of the family on one bus [s]; None where it is not
+    known."""
     no_limb: Callable[[Any], bool] = lambda _: False
     """True if the rig says that no limb can be in it."""
     brakes: Callable[[Any], bool] = lambda _: False
     """True if it has an output for a holding brake, and the rig says how that works."""
     brake_hint: str = "a drive with one, such as those of the family cia402"
     """What `brakes` wants."""
+    example: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Section → key → value of a bench with such a drive that are others than usual, for ``bowden init --drive``."""
     found_from: Callable[[Any, Path], Any] = lambda parameters, _: parameters
     """``found_from(parameters, folder)``: the parameters with the files that they name found from there."""
 
@@ -200,3 +206,21 @@ def family_named(name: str) -> DriveFamily:
 def family_of(parameters: Any) -> DriveFamily:
     """The family whose parameters these are."""
     return family_named(parameters.family)
+
+
+def shortest_cycles(drives: Iterable[Any]) -> dict[str, tuple[int, float]]:
+    """Of each bus whose time is known: how many drives are on it, and the shortest cycle that it carries with them [s].
+
+    Args:
+        drives: of a rig, with what the rig asks of them.
+    """
+    on: dict[tuple[str, str], list[Any]] = {}
+    for drive in drives:
+        if family_of(drive).cycle_time is not None:
+            on.setdefault((drive.channel, drive.family), []).append(drive)
+    times = {}
+    for (channel, _), there in on.items():
+        shortest = family_of(there[0]).cycle_time
+        assert shortest is not None  # as was looked above
+        times[channel] = len(there), shortest(there)
+    return times

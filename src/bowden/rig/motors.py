@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from bowden.core.errors import ParameterError, near
 from bowden.core.toml_text import quoted
-from bowden.rig.families import family_of
+from bowden.rig.families import family_of, shortest_cycles
 from bowden.rig.joints import JointSettings
 from bowden.rig.load_cell import collision, devices
 from bowden.rig.sections import DEFAULT_FAMILY, Control, RigFile
@@ -169,7 +169,7 @@ def check(motors: Sequence[Any], joints: Sequence[JointSettings], where: str) ->
     for name, rig, _ in motors:
         if rig.motors:
             raise ParameterError(f"{where}: motor {quoted(name)} has motors of its own", expected="none", do=_CORRECT)
-    for problem in (*_twice(motors), *_apart(motors)):
+    for problem in (*_twice(motors), *_apart(motors), *_too_slow(motors)):
         raise ParameterError(f"{where}: {problem}", do=_CORRECT)
 
 
@@ -185,6 +185,17 @@ def _twice(motors: Sequence[Any]) -> Iterator[str]:
             both = product(devices(another.drive, another.load_cell), devices(rig.drive, rig.load_cell))
             for problem in filter(None, (collision(*two) for two in both)):
                 yield f"motors {quoted(other)} and {quoted(name)} {problem}"
+
+
+def _too_slow(motors: Sequence[Any]) -> Iterator[str]:
+    """Buses that do not carry a cycle."""
+    cycle = motors[0][1].sample_time
+    for channel, (count, shortest) in shortest_cycles(rig.drive for _, rig, _ in motors).items():
+        if cycle < shortest:
+            yield (
+                f"{count} drives on {channel} need {1e3 * shortest:.3g} ms a cycle, and bench.sample_time_ms is "
+                f"{1e3 * cycle:g}"
+            )
 
 
 def _apart(motors: Sequence[Any]) -> Iterator[str]:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 def show_check(found: CheckResult, call: Call) -> None:
     """A line for each thing, and what comes next."""
     from bowden.design.check_result import check_rows
+    from bowden.rig.families import shortest_cycles
 
     joints = {one.name: one for one in found.whole.each_joint}
     for name, one in found.checks.items():
@@ -25,6 +26,10 @@ def show_check(found: CheckResult, call: Call) -> None:
         if own.servo_assumed:
             others.append(("servo", own.servo_text))
         rows([verdict, *others], least=13)
+    drives = [motor.rig.drive_parameters for joint in joints.values() for motor in joint.motors]
+    for channel, (count, shortest) in shortest_cycles(drives).items():
+        servos = f"{count} drive{'s' if count > 1 else ''} on {channel}"
+        rows([("line", f"{servos}: up to {1.0 / shortest:.0f} Hz, {1e3 * shortest:.2f} ms a cycle")], least=13)
     print(f"({call.seconds:.1f} s)")
     if found.refusals:
         print("Next: correct what bowden run refuses, then check it again")

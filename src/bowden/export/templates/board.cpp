@@ -1,36 +1,65 @@
-/* Yours: what the loop of arduino.cpp asks of your board. A later export leaves this file as it is. */
+/* Yours: what loop.c asks of your board and your drive. A later export leaves this file as it is.
+ * As exported nothing moves: board_may_move() says no, and no reading comes. Units are those of safety.h.
+ */
 
 #include <Arduino.h>
-{% if counts %}
+#include <math.h>
 
-long read_motor_counts()
+#include "loop.h"
+
+/* Once, before the first cycle: start encoders and bus, leave the drive without power, and see to the zeros.
+ * How, says README.md. */
+void board_begin(void)
 {
-    return 0; /* of the spool's encoder, as in the rig's log */
 }
 
-long read_joint_counts()
+/* The motor now: [[ "counts of its encoder, as in the rig's log" if counts else "angle of the spool, zero where the cable is just taut [rad]" ]].
+ * NAN where the reading failed. If none was due, the last one again with its `age` [cycles], which is preset to 0. */
+double board_motor(double *age)
 {
-    return 0; /* of the joint's encoder, as in the rig's log */
+    (void)age;
+    return NAN;
 }
 
-void write_motor_counts(long counts)
+/* The joint now: [[ "counts of its encoder, as in the rig's log" if counts else "its angle, zero where the arm is straight [rad]" ]].
+ * NAN and `age` as above. */
+double board_joint(double *age)
 {
-    (void)counts; /* to the drive's position loop */
-}
-{% else %}
-
-double read_motor_angle()
-{
-    return 0.0; /* in the joint's coordinate, through the spool [rad] */
+    (void)age;
+    return NAN;
 }
 
-double read_joint_angle()
+/* What else the board knows, in each cycle; the table in README.md says what is preset.
+ * At least: the motor's measured current, the drive's state, and what the operator asks for. */
+void board_observe(safety_Observed *observed)
 {
-    return 0.0; /* [rad] */
+    (void)observed; /* observed->reading.current = ...; observed->reading.drive_state = ...; observed->request = ...; */
 }
 
-void write_motor_target(double angle)
+/* Whether this board may be armed and move: emergency stop closed, zeros set, directions proven by hand, supply there.
+ * While it says no nothing is armed; a motor that moves is let down. */
+bool board_may_move(void)
 {
-    (void)angle; /* to the drive's position loop [rad] */
+    return false;
 }
-{% endif %}
+
+/* Armed, before the law: move the motor a little, and look whether motor, joint and current answer, each the right way.
+ * `*target` is where the motor was when it was armed [rad]: add a smooth motion of some degrees that ends where it began. */
+safety_PreflightResult board_preflight(double seconds, const safety_DriveReading *reading, double *target)
+{
+    (void)seconds, (void)reading, (void)target;
+    return SAFETY_PREFLIGHT_RESULT_PENDING; /* ..._PASSED or ..._FAILED when you know */
+}
+
+/* The target of the drive's position loop, in each cycle: [[ "counts of the motor's encoder" if counts else "angle of the spool [rad]" ]]; not rounded.
+ * With `power` enable the drive, and say in drive_state when it is enabled; without it take the torque off at once. */
+void board_send(double [[unit]], bool power)
+{
+    (void)[[unit]], (void)power;
+}
+
+/* What the cycle made of it, for a print or a log: angles, reference, mode, faults (loop.h). It must not wait. */
+void board_record(const loop_Cycle *cycle)
+{
+    (void)cycle;
+}

@@ -1,8 +1,8 @@
-"""One CAN bus of this process: claimed and opened once, shared by the drives on it, read without waiting."""
+"""One bus of this process: claimed and opened once, shared by the drives on it, read without waiting."""
 
 import contextlib
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import can
 
@@ -102,6 +102,8 @@ class BusLink:
         self.errors = 0
         """Frames that could not be sent or read since it was opened."""
         self._synced = 0
+        self._writes: dict[bytes, bytes] = {}
+        self._asks: dict[bytes, bytes] = {}
         self._whose: dict[int, tuple[BusPort, ...]] = {}
         """Identifier → whose frames those are."""
 
@@ -161,6 +163,17 @@ class BusLink:
         if self._synced >= sum(port.synced for port in self.ports):
             self._synced = 0
             self.send(identifier, b"")
+
+    def gather(self, identifier: int, writes: Sequence[tuple[bytes, bytes]], ask: tuple[bytes, bytes]) -> None:
+        """Send what all have gathered once the last of them has, as a frame for each head; questions last."""
+        for head, part in writes:
+            self._writes[head] = self._writes.get(head, b"") + part
+        self._asks[ask[0]] = self._asks.get(ask[0], b"") + ask[1]
+        self._synced += 1
+        if self._synced >= sum(port.synced for port in self.ports):
+            for head, parts in (*self._writes.items(), *self._asks.items()):
+                self.send(identifier, head + parts)
+            self._synced, self._writes, self._asks = 0, {}, {}
 
     def close(self) -> None:
         """Leave the bus."""
@@ -225,6 +238,16 @@ class BusPort:
         else:
             self.send(identifier, b"")
 
+    def gather(self, identifier: int, writes: Sequence[tuple[bytes, bytes]], ask: tuple[bytes, bytes]) -> None:
+        """What this drive writes in a cycle, and whom it asks, in frames that it shares with the others on the line.
+
+        Args:
+            identifier: of the frames.
+            writes: head of a frame, and this drive's part of it.
+            ask: the same of a question.
+        """
+        self._link.gather(identifier, writes, ask)
+
     def disturbed(self) -> None:
         """What this drive's bring-up sent for the whole bus has reached the others too: each restores itself."""
         for port in self._link.ports:
@@ -243,6 +266,7 @@ class BusPort:
             if frame is None:
                 return None
             identifier, data = frame[0] & ~REMOTE, frame[1]
+            self._link.errors += bool(identifier & ERROR)
             if not identifier & ERROR and matches(identifier, data):
                 return identifier, data
         return None

@@ -1,4 +1,4 @@
-"""Opening a CAN bus by name, and seeing to it that it has one master."""
+"""Opening a bus by name, and seeing to it that it has one master."""
 
 import errno
 import hashlib
@@ -12,6 +12,7 @@ import can
 
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.place import BusPlace
+from bowden.hardware.buses.serial_bus import SerialBus, port_of
 from bowden.hardware.buses.unix_bus import FD, SWITCHED, UnixBus, bus_folder, flagged, message_of
 
 UNIX = "bowden_unix"
@@ -58,7 +59,7 @@ def received(bus: can.BusABC, timeout: float) -> Frame | None:
 
 def taker(bus: can.BusABC) -> Callable[[], Frame | None]:
     """The quickest way to frames that are there; see `received`."""
-    return bus.take if isinstance(bus, UnixBus) else lambda: received(bus, 0.0)
+    return bus.take if isinstance(bus, UnixBus | SerialBus) else lambda: received(bus, 0.0)
 
 
 def putter(bus: can.BusABC, *, fd: bool) -> Callable[[int, bytes], None]:
@@ -68,7 +69,7 @@ def putter(bus: can.BusABC, *, fd: bool) -> Callable[[int, bytes], None]:
         bus: open.
         fd: whether frames go out as those of CAN-FD, with their data at the higher bit rate.
     """
-    if type(bus) is UnixBus:
+    if type(bus) is UnixBus or isinstance(bus, SerialBus):
         return bus.put
     made: dict[int, can.Message] = {}  # one for each identifier: to make one takes longer than to fill it
 
@@ -96,7 +97,8 @@ def open_bus(place: BusPlace, *, create: bool = False) -> can.BusABC:
 
     Args:
         place: of the bus; its bit rates count where the interface can set them.
-        create: whether a `bowden_unix` bus is made where there is none.
+        create: whether a `bowden_unix` bus is made where there is none; of a serial line, the bus of the twins at its
+            other end.
 
     Raises:
         DriveError: an unknown interface, a bus that is not there or cannot be opened, or one of classic CAN where
@@ -105,6 +107,8 @@ def open_bus(place: BusPlace, *, create: bool = False) -> can.BusABC:
     quieten()
     interface, channel = place.interface, place.channel
     try:
+        if place.packets and not create:
+            return SerialBus(port_of(channel) if interface == UNIX else channel, place.bitrate, place.packets)
         if interface == UNIX:
             return UnixBus(channel, create=create, fd=place.fd)
         if place.fd:
@@ -133,7 +137,7 @@ def _open_fd(place: BusPlace) -> can.BusABC:
     Raises:
         DriveError: its interface carries classic CAN alone.
     """
-    interface, channel, bitrate, _, data_bitrate = place
+    interface, channel, bitrate, _, data_bitrate, _ = place
     if interface == "socketcan" and _longest_frame(channel) == CLASSIC:
         raise DriveError(
             f"the interface {channel} carries classic CAN alone, and the drive speaks CAN-FD",

@@ -1,4 +1,4 @@
-"""Which CAN bus, and the flags of its identifiers."""
+"""Which bus, and the flags of its identifiers."""
 
 from typing import NamedTuple
 
@@ -18,3 +18,5 @@ class BusPlace(NamedTuple):
     """Whether frames of CAN-FD go over it."""
     data_bitrate: int = 5_000_000
     """Of their data [bit/s]."""
+    packets: str = ""
+    """Of a serial line the protocol on it, of `packets.PROTOCOLS`; empty of a CAN bus."""

@@ -187,6 +187,10 @@ class UnixBus(can.BusABC):
         self._open_door()
         return len(self._links) - len(self._mute)
 
+    def fileno(self) -> int:
+        """What becomes readable with a frame, or a node that joins."""
+        return self._ready.fileno()
+
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame to all other nodes; never waits.
 

@@ -16,8 +16,9 @@ from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives import checklist
 from bowden.hardware.drives.canopen_dialogue import NO_REMOTE, Dialogue
-from bowden.hardware.drives.checklist import DriveLimit, Found, check_limits, joined, refuse_torque
+from bowden.hardware.drives.checklist import DriveLimit, Found, joined, refuse_torque
 from bowden.hardware.drives.cia402 import CYCLIC_SYNCHRONOUS_POSITION, WITH_TORQUE, Controlword, controlword, decode
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, SAFE_TORQUE_OFF, emergency_text
@@ -222,19 +223,19 @@ def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitSca
     unit = _speed_unit(node) / needs.gear / spool
     window, current = abs(motor.step) / spool, 1e-3
     asked = (
-        ("speed limit", needs.speed_limit, "rad/s", (0x6080, 0), unit),
-        ("speed limit", needs.speed_limit, "rad/s", (0x607F, 0), unit),
-        ("following error", needs.following_error, "rad", (0x6065, 0), window),
-        ("current limit", needs.current_limit, "A", (0x3001, 2), current),
+        (checklist.SPEED, needs.speed_limit, (0x6080, 0), unit),
+        (checklist.SPEED, needs.speed_limit, (0x607F, 0), unit),
+        (checklist.REACH, needs.following_error, (0x6065, 0), window),
+        (checklist.CURRENT, needs.current_limit, (0x3001, 2), current),
     )
-    own = [(*limit, node.read_if_there(*limit[3])) for limit in asked]
-    check_limits(
+    own = [(*limit, node.read_if_there(*limit[2])) for limit in asked]
+    checklist.check_limits(
         (
-            DriveLimit("lowest motor angle", needs.lowest_motor, ends[0], "rad", "607Dh", lower=True),
-            DriveLimit("highest motor angle", needs.highest_motor, ends[1], "rad", "607Dh"),
+            DriveLimit(checklist.LOWEST, needs.lowest_motor, ends[0], "607Dh"),
+            DriveLimit(checklist.HIGHEST, needs.highest_motor, ends[1], "607Dh"),
             *(
-                DriveLimit(what, rig, count * size, unit_, f"{at[0]:04X}h")
-                for what, rig, unit_, at, size, count in own
+                DriveLimit(of, rig, count * size, f"{at[0]:04X}h")
+                for of, rig, at, size, count in own
                 if count is not None
             ),
         ),

@@ -18,6 +18,7 @@ from typing import NamedTuple, TypeVar
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
+from bowden.core.units import DEGREES
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.opening import Frame
 from bowden.hardware.buses.place import EXTENDED, BusPlace
@@ -184,17 +185,39 @@ def check_settings(name: str, read: Callable[[str], float], settings: Iterable[S
             )
 
 
+class LimitKey(NamedTuple):
+    """The key of rig.toml that sets a limit which the drive has too."""
+
+    name: str
+    """Of the limit, as a message has it."""
+    key: str
+    section: str
+    unit: str
+    """In the file."""
+    factor: float = DEGREES
+    """From radians, or amperes, to that unit."""
+    lower: bool = False
+    """True for a lower end."""
+
+
+LOWEST = LimitKey("lowest motor angle", "motor_low_deg", "limits", "°", lower=True)
+HIGHEST = LimitKey("highest motor angle", "motor_high_deg", "limits", "°")
+SPEED = LimitKey("speed limit", "motor_speed_deg_per_s", "limits", "°/s")
+REACH = LimitKey("following error", "target_reach_deg", "limits", "°")
+CURRENT = LimitKey("current limit", "current_limit_a", "motor", " A", 1.0)
+
+
 class DriveLimit(NamedTuple):
     """A limit of the rig against the drive's own; beyond it where it is larger, of a lower end where it is smaller."""
 
-    what: str
+    of: LimitKey
     rig: float
-    """NaN, or infinite, of a rig that asks for none."""
+    """At the spool, on a suit in the joint's coordinate; NaN, or infinite, of a rig that asks for none [rad, rad/s,
+    A]."""
     own: float
-    unit: str
+    """Likewise."""
     where: str
     """Object or setting that says the drive's."""
-    lower: bool = False
 
 
 def check_limits(limits: Iterable[DriveLimit], do: str) -> None:
@@ -205,12 +228,27 @@ def check_limits(limits: Iterable[DriveLimit], do: str) -> None:
         do: how the drive's are extended.
 
     Raises:
-        DriveError: the first that is beyond.
+        DriveError: the first that is beyond, with the key of rig.toml and a value of it that is within.
     """
-    for what, rig, own, unit, where, lower in limits:
-        if abs(rig) < math.inf and not (rig >= own if lower else rig <= own):
+    for of, rig, own, where in limits:
+        if abs(rig) < math.inf and not (rig >= own if of.lower else rig <= own):
+            do = f"extend the drive's {do}"
+            if own > 0.0 or of in (LOWEST, HIGHEST):
+                fits = f"{of.key} = {_rounded(of.factor * own, up=of.lower):g}"
+                do = f"write {fits} into [{of.section}], and let bowden check say what else has to follow; or {do}"
             raise DriveError(
-                f"the rig's {what} is {rig:.6g} {unit}, beyond the drive's own {own:.6g} {unit} ({where})",
+                f"the rig's {of.name} is {of.factor * rig:.6g}{of.unit}, beyond the drive's own "
+                f"{of.factor * own:.6g}{of.unit} ({where})",
                 expected="a rig within the drive's limits",
-                do=f"reduce it in the rig, or extend the drive's {do}",
+                do=do,
             )
+
+
+def _rounded(value: float, *, up: bool) -> float:
+    """The value in four digits, rounded up or down.
+
+    >>> _rounded(599.9999, up=False), _rounded(-0.123456, up=True), _rounded(0.0, up=True)
+    (599.9, -0.1234, 0.0)
+    """
+    size = 10.0 ** (3 - math.floor(math.log10(abs(value)))) if value else 1.0
+    return (math.ceil if up else math.floor)(value * size) / size

@@ -27,7 +27,7 @@ from bowden.hardware.drives.families.moteus import MoteusParameters, command_of,
 from bowden.hardware.drives.findings import LEFT, UNWATCHED
 from bowden.hardware.drives.moteus_frames import MOST_TURNS, TIMED_OUT, BoardMode, NumberKind, Register, fault_text
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import LimitedRange, MotorLimits, Scale, SuitScale, motor_limits
+from bowden.hardware.drives.scale import LimitedRange, Scale, SuitScale, motor_limits
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -304,9 +304,7 @@ def _check_encoders(board: MoteusDialogue, drive: MoteusParameters, seen: dict[i
     return turns, joint
 
 
-def _check_limits(
-    board: MoteusDialogue, drive: MoteusParameters, motor: Scale | SuitScale, limits: MotorLimits
-) -> None:
+def _check_limits(board: MoteusDialogue, drive: MoteusParameters, motor: Scale | SuitScale) -> None:
     """The rig's limits against those in the board, which are read and never changed."""
     low, high = (board.configured(f"servopos.position_{end}") for end in ("min", "max"))
     if not (math.isfinite(low) and math.isfinite(high)) and drive.interface != UNIX:
@@ -316,21 +314,19 @@ def _check_limits(
             do="set both with moteus_tool: they hold whatever this computer does, and whatever its scales are",
         )
     needs = drive.needs
+    ends = sorted((motor.angle(_or(low, -math.inf)), motor.angle(_or(high, math.inf))))
     spool = abs(motor.step) / motor.steepest(needs.lowest_motor, needs.highest_motor)  # rad a turn
     speed, current, window = (
         _or(board.configured(f"servo.{name}"), math.inf)
         for name in ("max_velocity", "max_current_A", "fault_position_error")
     )
-    asked = limits.speed * spool if needs.speed_limit > 0.0 else 0.0
     checklist.check_limits(
         (
-            DriveLimit(
-                "lowest position", limits.low, _or(low, -math.inf), "turns", "servopos.position_min", lower=True
-            ),
-            DriveLimit("highest position", limits.high, _or(high, math.inf), "turns", "servopos.position_max"),
-            DriveLimit("speed limit", asked, speed * spool, "rad/s", "servo.max_velocity"),
-            DriveLimit("current limit", needs.current_limit, current, "A", "servo.max_current_A"),
-            DriveLimit("following error", needs.following_error, window * spool, "rad", "servo.fault_position_error"),
+            DriveLimit(checklist.LOWEST, needs.lowest_motor, ends[0], "servopos.position_min, _max"),
+            DriveLimit(checklist.HIGHEST, needs.highest_motor, ends[1], "servopos.position_min, _max"),
+            DriveLimit(checklist.SPEED, needs.speed_limit, speed * spool, "servo.max_velocity"),
+            DriveLimit(checklist.CURRENT, needs.current_limit, current, "servo.max_current_A"),
+            DriveLimit(checklist.REACH, needs.following_error, window * spool, "servo.fault_position_error"),
         ),
         "with moteus_tool",
     )
@@ -416,7 +412,7 @@ class MoteusDrive(Driver):
         joint = joint_scale(drive, joint_turns if here else 0.0)
         limits = motor_limits(drive, motor)
         limits = limits._replace(low=max(-MOST_TURNS, limits.low), high=min(MOST_TURNS, limits.high))
-        _check_limits(board, drive, motor, limits)
+        _check_limits(board, drive, motor)
         _check_watchdog(board, drive)
         board.bus.check_alone()
         state = state_of(int(seen[Register.MODE]))

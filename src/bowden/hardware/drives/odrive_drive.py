@@ -283,14 +283,15 @@ def _check_range(board: OdriveDialogue, limits: MotorLimits) -> None:
             )
 
 
-def _set_limits(board: OdriveDialogue, limits: MotorLimits) -> None:
+def _set_limits(board: OdriveDialogue, drive: OdriveParameters, limits: MotorLimits) -> None:
     """The rig's limits, which the board keeps from here on; its own must not be narrower."""
     own = [board.setting(name) for name in (settings.VELOCITY_LIMIT, settings.CURRENT_LIMIT)]
     again = "with odrivetool; where another rig ran before, switch the board off and on: its limits hold until then"
+    speed = own[0] * drive.needs.speed_limit / limits.speed
     checklist.check_limits(
         (
-            DriveLimit("speed limit", limits.speed / (1.0 + SAME), own[0], "turns/s", settings.VELOCITY_LIMIT),
-            DriveLimit("current limit", limits.current / (1.0 + SAME), own[1], "A", settings.CURRENT_LIMIT),
+            DriveLimit(checklist.SPEED, drive.needs.speed_limit / (1.0 + SAME), speed, settings.VELOCITY_LIMIT),
+            DriveLimit(checklist.CURRENT, limits.current / (1.0 + SAME), own[1], settings.CURRENT_LIMIT),
         ),
         again,
     )
@@ -419,7 +420,7 @@ class OdriveDrive(Driver):
         _check_range(board, limits)
         modes = {settings.CONTROL_MODE: frames.POSITION_CONTROL, settings.INPUT_MODE: frames.PASSTHROUGH}
         board.set(Cmd.SET_CONTROLLER_MODE, modes)
-        _set_limits(board, limits)
+        _set_limits(board, drive, limits)
         tried = not failed and _try_watchdog(board, drive)
         board.bus.check_alone()
         identity = (

@@ -312,8 +312,10 @@ def collision(one: Any, other: Any) -> str:
 
 def place(parameters: Any) -> BusPlace:
     """Which bus."""
-    quick = getattr(parameters, "data_bitrate", 0)
+    quick, table = getattr(parameters, "data_bitrate", 0), getattr(parameters, "table", None)
     classic = BusPlace(parameters.interface, parameters.channel, parameters.bitrate)
+    if table is not None:
+        return classic._replace(packets=table.protocol)
     return classic._replace(fd=True, data_bitrate=quick) if quick else classic
 
 

@@ -6,7 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 from bowden.core.kernel import compiled
-from bowden.models.suit.suit_angle import HIGH, LOW, SpoolMap, flexor_arm, motor_of, spool_of
+from bowden.models.suit.suit_angle import SpoolMap, motor_of, spool_of, steepest_spool
 
 
 class Scale(NamedTuple):
@@ -52,9 +52,7 @@ class SuitScale(NamedTuple):
 
     def steepest(self, low: float, high: float) -> float:
         """Turn of the spool per angle, at most, between two angles [rad/rad]."""
-        low, high = (max(LOW, min(HIGH, angle)) for angle in (low, high))  # beyond, the map goes on along its tangent
-        between = (low + (high - low) * i / 64.0 for i in range(65))
-        return max(float(flexor_arm(angle, self.map)) for angle in between) / self.map.radius
+        return steepest_spool(low, high, self.map)
 
 
 def spool_scale(step: float, home: float, counts_at_home: float, spool: SpoolMap | None) -> Scale | SuitScale:

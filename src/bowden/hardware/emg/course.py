@@ -9,7 +9,7 @@ from bowden.core.clock import SECOND
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import flat, unflatten, unflatten_like
 from bowden.core.signals import Reference
-from bowden.hardware.emg.intent_block import IntentReader, StreamReading
+from bowden.hardware.emg.intent_block import EmgLoss, IntentReader, StreamReading
 from bowden.sensing.course import CourseSettings, course_start, course_step
 
 Array = NDArray[np.float64]
@@ -25,6 +25,7 @@ COLUMNS = {
     "emg.samples": "1",
     "emg.lost": "1",
     "emg.intent": "1",
+    "emg.loss": "1",
 }
 """Column → unit of what a run by EMG records beside the rest; `level` is in the stream's unit."""
 
@@ -77,6 +78,7 @@ class EmgCourse:
         self._reference = self._memory[numbers:].data
         self._step = compiled(_in_place)
         self._latest, self._age, self._good = StreamReading(), math.inf, 0
+        self._loss = EmgLoss.NONE
         self.over = False
         """Whether a recording is about to end, and the run with it."""
         self.begin()
@@ -92,12 +94,18 @@ class EmgCourse:
         trouble for longer than `TROUBLED`, what counts is the newest sample without.
         """
         latest = self._latest = self._reader.read()
-        read = latest.newest and now - latest.looked <= self._patience
-        self._age = (now - latest.newest) * 1e-9 if read else math.inf
+        looked = now - latest.looked <= self._patience
+        self._age = (now - latest.newest) * 1e-9 if looked and latest.newest else math.inf
         if latest.trouble == 0.0 or self._reference[0] <= self._low + _AT_REST:
             self._good = now
         if now - self._good > TROUBLED:
             self._age = max(self._age, (now - self._good) * 1e-9)
+        if not looked:
+            self._loss = EmgLoss.READER
+        elif now - latest.newest > self._patience:
+            self._loss = EmgLoss.STREAM
+        elif now - self._good > TROUBLED:
+            self._loss = EmgLoss.DEAD if latest.trouble == 1.0 else EmgLoss.NOISY
         self.over = 0 < latest.ends < now + _BEFORE
         if self.over:
             self._age = 0.0  # nothing follows the stream any more: the way home takes longer than what is left of it
@@ -122,5 +130,5 @@ class EmgCourse:
         onset = (latest.onset - self._start) * 1e-9 if latest.onset else math.nan
         return (
             *(self._age, latest.flexor, latest.extensor, latest.share, latest.level, latest.trouble, onset),
-            *(latest.samples, latest.lost, self._mode[0]),
+            *(latest.samples, latest.lost, self._mode[0], self._loss),
         )

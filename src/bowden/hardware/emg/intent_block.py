@@ -7,10 +7,25 @@ leaves words that grow old, which the supervisor sees.
 """
 
 import struct
+from enum import IntEnum
 from pathlib import Path
 from typing import NamedTuple
 
 from bowden.hardware import shared_memory
+
+
+class EmgLoss(IntEnum):
+    """Why the newest good sample is old."""
+
+    NONE = 0
+    READER = 1
+    """The process that reads the stream does not look for samples."""
+    STREAM = 2
+    """It looks, and none comes."""
+    DEAD = 3
+    """Samples come, of a signal that is flat, railed, missing or repeated."""
+    NOISY = 4
+    """Samples come, full of movement or mains."""
 
 
 class StreamReading(NamedTuple):

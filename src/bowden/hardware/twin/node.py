@@ -221,7 +221,7 @@ class TwinNode(ABC):
 
     def _speed_limit(self) -> float:
         """Of the drive, in its unit a second; infinite where the plant has none."""
-        return self.bench.speed_limit * self._scale.steepest(-math.inf, math.inf) / abs(self._scale.step)
+        return self.bench.speed_limit / abs(self._scale.step)
 
     def _encoders(self, joint: Scale, now: float) -> tuple[float, float]:
         """What the motor's encoder and the joint's at the drive count, through their noise and their faults."""

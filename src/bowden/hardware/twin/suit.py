@@ -14,6 +14,7 @@ import math
 from bowden.core.kernel import compiled, kernel
 from bowden.hardware.twin.plant import BRAKE, OFF, TwinPlant
 from bowden.models.drive.encoder import reading
+from bowden.models.drive.geared_motor import no_load_speed
 from bowden.models.suit.arm import Wearer
 from bowden.models.suit.flex_sensor import flex_start, flex_step
 from bowden.plants.suit_parts import Suit, gripped, prepare_suit
@@ -54,7 +55,7 @@ class TwinSuit(TwinPlant):
         self._substep = suit.sample_time / suit.substeps
         drive = suit.motor._replace(friction_feedforward=0.0)  # of a drive on a bus the loop makes it
         self.current_limit = drive.current_limit
-        self.speed_limit = drive.supply / (drive.torque_constant * drive.gear)  # what the supply allows without load
+        self.speed_limit = no_load_speed(drive)
         self._intact = prepare_suit(suit._replace(motor=drive))._replace(substeps=1)
         self._prepared = self._intact
         self._advance = compiled(advance_suit)

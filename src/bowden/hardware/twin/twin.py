@@ -23,6 +23,7 @@ from bowden.hardware.twin.injection import OF_CABLE, OF_LOAD_CELL, Injection, pa
 from bowden.hardware.twin.node import Journal, TwinNode
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.sensor_node import SensorNode
+from bowden.hardware.twin.serial_port import serial_port
 
 TICK = 1e-3
 """Longest wait [s]."""
@@ -59,6 +60,7 @@ class Twin:
         self._bus: can.BusABC | None = None
         try:
             self._bus = open_bus(place, create=True)
+            self._line = serial_port(place)
             self._control = ControlServer(self.path)
         except BaseException:
             self._claim.close()
@@ -108,6 +110,8 @@ class Twin:
         if self._own_bus is not None:
             self._own_bus.shutdown()
             self._own_bus = None
+        if self._line is not None:
+            self._line.close()
         self._control.close()
         self._claim.close()
 

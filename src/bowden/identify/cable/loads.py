@@ -34,8 +34,9 @@ from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import FittedLog, ModelFit
 from bowden.identify.cable.loop import loop_of
 from bowden.identify.cable.part import Progress
-from bowden.identify.cable.path import Path, path_of
+from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.projection import inverse_of, products
+from bowden.identify.cable.turns import find_turns
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import Scheduled
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -169,7 +170,7 @@ def _over_logs(errors: Sequence[float]) -> float:
 
 
 def _path(log: Log, nodes: int) -> Path:
-    return path_of(log.time, log.motor, log.joint, nodes)
+    return build_path(log.time, log.motor, log.joint, find_turns(log.motor), nodes)
 
 
 def _frame(paths: Sequence[Path]) -> _Frame:

@@ -15,10 +15,10 @@ from bowden.identify.cable.fitted import FittedLog, ModelFit
 from bowden.identify.cable.lag import earlier, time_lag
 from bowden.identify.cable.loop import loop_of
 from bowden.identify.cable.part import Progress, fit_part, refit_whole
-from bowden.identify.cable.path import Path, path_of
-from bowden.identify.cable.turns import motor_noise
+from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.cable.uncertainty import all_shown, standard_errors
-from bowden.identify.cable.validation import simplest_of_the_best
+from bowden.identify.cable.validation import left_out_errors, simplest_of_the_best
 from bowden.identify.log.read import Log
 from bowden.plants.identified import CableModel
 from bowden.records.metrics import rmse
@@ -64,7 +64,7 @@ def _fit_log(log: Log, seed: int, tell: Progress) -> Fit:
     )
     seen = whole if few else half
     tell("comparing on left-out stretches", 0.7)
-    errors = seen.left_out_errors(log)
+    errors = left_out_errors(seen.families, seen.estimates, seen.judged, seen.fine, seen.counted, log.time, log.joint)
     shown_by_log = seen.fine.strokes > 1 and advice.following(log, split) >= advice.FOLLOWS  # a reversal, and a cable
     names = ("line",) if not shown_by_log else _OUTWARD if seen.fine.strokes < 3 else tuple(errors)
     offered = {name: errors[name] for name in names}
@@ -75,9 +75,9 @@ def _fit_log(log: Log, seed: int, tell: Progress) -> Fit:
 
     fine, start = half.fine, half.settling.start
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
-    path = path_of(log.time, log.motor, log.joint, len(log.time), noise)
+    path = build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), len(log.time))
     models: dict[str, ModelFit] = {}
-    counts = half.counted_at(log.time)
+    counts = np.interp(log.time, half.fine.time, half.counted)
     predicted, kept = np.empty(0), []
     for done, family in enumerate(half.families):
         tell("judging on the second half", 0.9 + 0.02 * done)

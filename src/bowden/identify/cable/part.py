@@ -11,11 +11,11 @@ from bowden.identify.cable.bouc_wen_static import BoucWenStatic, richest
 from bowden.identify.cable.family import Estimate, Family
 from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.line import Line
-from bowden.identify.cable.path import Path, path_of
+from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.play import PlayOperator
 from bowden.identify.cable.settling import Settling, settling
 from bowden.identify.cable.stack import PrandtlIshlinskii
-from bowden.identify.cable.validation import JudgedSamples, fold_of, held_out_errors
+from bowden.identify.cable.turns import find_turns
 from bowden.identify.log.read import Log
 
 Array = NDArray[np.float64]
@@ -48,35 +48,12 @@ class FittedPart:
     estimates: dict[str, Estimate]
     """By the family's name."""
 
-    def counted_at(self, time: Array) -> Array:
-        """How much the samples at those times count in the fit (n,), 0 to 1 [–]."""
-        return np.interp(time, self.fine.time, self.counted)
-
     @property
     def rest_until(self) -> float | None:
         """Time to which the log counts less since it begins at rest [s]; None where it does not."""
         if self.settling != Settling() or (self.counted == 1.0).all():
             return None
         return float(self.fine.time[self.counted < 1.0].max())
-
-    def left_out_errors(self, log: Log) -> dict[str, Array]:
-        """Mean squared error of every family on each fold (folds,), fitted without it [rad²].
-
-        They are fitted to the thinned path, and judged at the log's full rate: what averages the samples round a corner
-        of the loop is not better on the samples themselves.
-        """
-        fold, counted = fold_of(self.fine), self.fine.weight > 0
-        nodes, stroke = self.fine.time[counted], self.fine.stroke[counted]
-        after = np.searchsorted(nodes, log.time).clip(1, len(nodes) - 1)
-        own = fold[counted][after]
-        inside = (
-            (stroke[after - 1] == stroke[after]) & (own >= 0) & (log.time <= nodes[-1])
-        )  # of a stroke that was read
-        seen = JudgedSamples(log.time[inside], log.joint[inside], self.counted_at(log.time[inside]), own[inside])
-        return {
-            family.name: held_out_errors(family, self.judged, self.estimates[family.name], self.fine, seen)
-            for family in self.families
-        }
 
 
 def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> FittedPart:
@@ -89,8 +66,7 @@ def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> Fi
         seed: of the global search.
         tell: called with what is being done and the share done.
     """
-    fine, judged = (_path(log, stop, noise, nodes) for nodes in (_FINE, _JUDGED))
-    searched = path_of(log.time[:stop], log.motor[:stop], log.joint[:stop], _SEARCHED, noise)
+    fine, judged, searched = _paths(log, stop, noise)
     branches = GeneralisedPlay()
     tell(branches.name, 0.1)
     weighting = settling(fine, branches.rough(fine))
@@ -112,7 +88,7 @@ def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> Fi
 
 def refit_whole(log: Log, noise: float, half: FittedPart) -> FittedPart:
     """Every family fitted to the whole log, searched from where it was for its first half."""
-    raw, judged = (_path(log, len(log.time), noise, nodes) for nodes in (_FINE, _JUDGED))
+    raw, judged, _ = _paths(log, len(log.time), noise)
     fine, judged = half.settling.weighted(raw), half.settling.weighted(judged)
     estimates = {family.name: family.refit(fine, half.estimates[family.name]) for family in half.families}
     return FittedPart(fine, _counted(raw, fine), judged, half.settling, half.families, estimates)
@@ -126,5 +102,9 @@ def _counted(raw: Path, weighted: Path) -> Array:
     return np.asarray(shares[np.maximum(before, 0)])
 
 
-def _path(log: Log, stop: int, noise: float, nodes: int) -> Path:
-    return path_of(log.time[:stop], log.motor[:stop], log.joint[:stop], nodes, noise, _READ)
+def _paths(log: Log, stop: int, noise: float) -> tuple[Path, Path, Path]:
+    """On which models are fitted, compared with one another, and searched for globally."""
+    time, motor, joint = log.time[:stop], log.motor[:stop], log.joint[:stop]
+    turns = find_turns(motor, noise)
+    fine, judged = (build_path(time, motor, joint, turns, nodes, _READ) for nodes in (_FINE, _JUDGED))
+    return fine, judged, build_path(time, motor, joint, turns, _SEARCHED)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled, kernel
-from bowden.identify.cable.turns import Turns, find_turns, motor_noise
+from bowden.identify.cable.turns import Turns
 
 Array = NDArray[np.float64]
 
@@ -61,23 +61,6 @@ class Path:
     def with_weight(self, weight: Array) -> "Path":
         """The same path, its nodes weighted otherwise (n,)."""
         return replace(self, weight=weight)
-
-
-def path_of(
-    time: Array, motor: Array, joint: Array, nodes: int, noise: float | None = None, most: int | None = None
-) -> "Path":
-    """`build_path` between the turns of the motor.
-
-    Args:
-        time: (n,) [s].
-        motor: (n,) [rad].
-        joint: (n,) [rad].
-        nodes: see `build_path`.
-        noise: of the motor's readings [rad]; what it shows itself where it is not given.
-        most: see `build_path`.
-    """
-    turns = find_turns(motor, motor_noise(motor) if noise is None else noise)
-    return build_path(time, motor, joint, turns, nodes, most)
 
 
 def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int, most: int | None = None) -> Path:

@@ -35,7 +35,8 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import drift, whole_cycles
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import FittedLog, ModelFit, Recalibration
-from bowden.identify.cable.path import Path, path_of
+from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.turns import find_turns
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import Scheduled
 from bowden.models.cable.scheduled import VARIABLES
@@ -103,7 +104,7 @@ def fit_gain(log: Log, known: Known, by: Sequence[Scheduled] = ()) -> Fit:
             expected="a model.toml of `bowden identify`",
             do="identify the new log",
         )
-    path = path_of(log.time, log.motor, log.joint, _NODES)
+    path = build_path(log.time, log.motor, log.joint, find_turns(log.motor), _NODES)
     if path.strokes < 2:
         raise LogError(
             f"{log.name}: the motor does not turn back, so that offset and half the loop cannot be separated",

@@ -5,7 +5,6 @@ that follows. The extreme reading itself lies too far out by a few times the noi
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,36 +33,15 @@ class Turns:
     """Standard error that all reversals of one side may have in common [rad]."""
 
 
-class Room(NamedTuple):
-    """Where `fill_polynomial` works."""
-
-    terms: Array
-    """(n, degree + 1)."""
-    gram: Array
-    """(degree + 1, degree + 1)."""
-    moments: Array
-    """(degree + 1,)."""
-    factors: Array
-    """(degree + 1,)."""
-    smooth: Array
-    """(n,): its result."""
-
-
-def _room(values: Array, degree: int) -> Room:
-    """Room for up to as many values."""
-    n, count = len(values), degree + 1
-    return Room(np.empty((n, count)), np.empty((count, count)), np.empty(count), np.empty(count), np.empty(n))
-
-
-def find_turns(motor: Array, noise: float) -> Turns:
+def find_turns(motor: Array, noise: float | None = None) -> Turns:
     """The reversals of a motion (n,) [rad] whose reading has that `noise` [rad]; see `motor_noise`."""
+    noise = motor_noise(motor) if noise is None else noise
     at = reversals(motor, least_swing(motor, noise))
     sums = np.concatenate([[0.0], np.cumsum(motor)])
     (start, start_error), (end, _) = _first_value(motor, noise), _first_value(motor[::-1], noise)
     tops = np.empty(len(at))
-    compiled(extremes)(motor, sums, at, noise, _room(motor, 4), tops)
-    angle = np.concatenate([[start], tops, [end]])
-    return Turns(at, angle, start_error, _common_error(motor))
+    compiled(extremes)(motor, sums, at, noise, tops)
+    return Turns(at, np.concatenate([[start], tops, [end]]), start_error, _common_error(motor))
 
 
 def least_swing(motor: Array, noise: float | None = None) -> float:
@@ -146,7 +124,7 @@ def zigzag(motor: Array, threshold: float, found: NDArray[np.int64]) -> int:
 
 
 @kernel
-def extreme(motor: Array, sums: Array, at: int, noise: float, room: Room) -> float:
+def extreme(motor: Array, sums: Array, at: int, noise: float) -> float:
     """The motor's true extreme near the sample `at` [rad]: the top of a quartic through the samples around it.
 
     The quartic spans the stretch within which the motor moves by a few times its noise, so that the noise is averaged
@@ -167,12 +145,9 @@ def extreme(motor: Array, sums: Array, at: int, noise: float, room: Room) -> flo
     if half < 4:
         return float(motor[at])
     near = motor[at - half : at + half + 1]
-    fill_polynomial(near, 4, room)
     first = half // 4
-    low = high = room.smooth[first]
-    for k in range(first + 1, near.size - first):
-        low, high = min(low, room.smooth[k]), max(high, room.smooth[k])
-    return high if motor[at] > 0.5 * (near[0] + near[-1]) else low
+    smooth = polynomial(near, 4)[first : near.size - first]
+    return float(np.max(smooth)) if motor[at] > 0.5 * (near[0] + near[-1]) else float(np.min(smooth))
 
 
 def _first_value(motor: Array, noise: float) -> tuple[float, float]:
@@ -184,59 +159,29 @@ def _first_value(motor: Array, noise: float) -> tuple[float, float]:
     near = motor[: far[0]] if len(far) else motor
     if len(near) < 12:
         return float(motor[0]), noise
-    return float(polynomial(near, 2)[0]), 3.0 * noise / float(np.sqrt(len(near)))
+    return float(compiled(polynomial)(np.ascontiguousarray(near), 2)[0]), 3.0 * noise / float(np.sqrt(len(near)))
 
 
 @kernel
-def extremes(motor: Array, sums: Array, at: Index, noise: float, room: Room, found: Array) -> None:
+def extremes(motor: Array, sums: Array, at: Index, noise: float, found: Array) -> None:
     """Fill `found` with `extreme` at each sample of `at` (strokes − 1,) [rad]."""
     for k in range(at.size):
-        found[k] = extreme(motor, sums, at[k], noise, room)
-
-
-def polynomial(values: Array, degree: int) -> Array:
-    """Evenly spaced values (n,) smoothed by the polynomial of a degree that fits them best."""
-    room = _room(values, degree)
-    compiled(fill_polynomial)(np.ascontiguousarray(values), degree, room)
-    return room.smooth
+        found[k] = extreme(motor, sums, at[k], noise)
 
 
 @kernel
-def fill_polynomial(values: Array, degree: int, room: Room) -> None:
-    """`polynomial`, into the first n of ``room.smooth``.
+def polynomial(values: Array, degree: int) -> Array:
+    """Evenly spaced values (n,) smoothed by the polynomial of a degree that fits them best.
 
-    Chebyshev polynomials up to degree 4 are near enough to orthogonal for the normal equations to lose no digits.
+    A sum of Gram's polynomials, which are orthogonal on such places x:  pₖ₊₁ = x·pₖ − k²·(n² − k²)/(16·k² − 4)·pₖ₋₁.
+
+    Source: Abramowitz and Stegun, *Handbook of Mathematical Functions*, 1964, 22.17.
     """
-    n, count = values.size, degree + 1
-    terms, gram, moments, factors, smooth = room.terms, room.gram, room.moments, room.factors, room.smooth
-    for k in range(n):
-        terms[k, 0] = 1.0
-        x = 2.0 * k / (n - 1) - 1.0
-        terms[k, 1] = x
-        for d in range(2, count):
-            terms[k, d] = 2.0 * x * terms[k, d - 1] - terms[k, d - 2]
-    for a in range(count):
-        moments[a] = 0.0
-        for b in range(count):
-            gram[a, b] = 0.0
-    middle = np.mean(values)
-    for k in range(n):
-        for a in range(count):
-            moments[a] += terms[k, a] * (values[k] - middle)
-            for b in range(count):
-                gram[a, b] += terms[k, a] * terms[k, b]
-    for a in range(count):  # elimination; NumPy's solver would take seconds to compile
-        for b in range(a + 1, count):
-            share = gram[b, a] / gram[a, a]
-            moments[b] -= share * moments[a]
-            for c in range(a, count):
-                gram[b, c] -= share * gram[a, c]
-    for a in range(count - 1, -1, -1):
-        factors[a] = moments[a]
-        for b in range(a + 1, count):
-            factors[a] -= gram[a, b] * factors[b]
-        factors[a] /= gram[a, a]
-    for k in range(n):
-        smooth[k] = middle
-        for a in range(count):
-            smooth[k] += factors[a] * terms[k, a]
+    n = values.size
+    place, middle = np.arange(n) - 0.5 * (n - 1), np.mean(values)
+    smooth, before, own = np.zeros(n), np.zeros(n), np.ones(n)
+    for k in range(degree + 1):
+        smooth += np.sum(own * (values - middle)) / np.sum(own * own) * own
+        square = float(k * k)
+        before, own = own, place * own - square * (float(n) * n - square) / (16.0 * square - 4.0) * before
+    return middle + smooth

@@ -16,8 +16,8 @@ Source: Hastie, Tibshirani and Friedman, *The Elements of Statistical Learning*,
 rule); Roberts et al., Ecography 40(8), 2017 (blocks in cross-validation of what is correlated).
 """
 
-from collections.abc import Collection, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,40 +56,48 @@ def folds(path: Path) -> list[NDArray[np.bool_]]:
     return [fold == one for one in range(_FOLDS) if (fold == one).any()]
 
 
-class JudgedSamples(NamedTuple):
-    """What a log holds where a model is judged."""
+def left_out_errors(
+    families: Iterable[Family],
+    estimates: Mapping[str, Estimate],
+    thin: Path,
+    path: Path,
+    counted: Array,
+    time: Array,
+    joint: Array,
+) -> dict[str, Array]:
+    """Mean squared error of every family on each left-out fold (folds,), fitted without it [rad²].
 
-    time: Array
-    """(n,) [s]"""
-    joint: Array
-    """(n,) [rad]"""
-    share: Array
-    """How much they count (n,) [–]."""
-    fold: NDArray[np.int64]
-    """That judges them (n,)."""
-
-
-def held_out_errors(family: Family, path: Path, near: Estimate, along: Path, samples: JudgedSamples) -> Array:
-    """Mean squared error of each left-out fold (folds,) [rad²].
+    They are fitted to the thinned path, and judged at the log's full rate: what averages the samples round a corner of
+    the loop is not better on the samples themselves.
 
     Args:
-        family: fitted to `path` without it.
-        path: thinned.
-        near: the family's member for all of it.
-        along: the same motion, on which the joint is predicted.
-        samples: on which it is judged, between the nodes of `along`.
+        families: to be judged.
+        estimates: their members for all of the path, by name.
+        thin: the same motion, on which they are fitted without a fold.
+        path: along which the joint is predicted.
+        counted: how much each of its nodes counts (n,) [–].
+        time: of the log's samples, on which they are judged (m,) [s].
+        joint: recorded then (m,) [rad].
     """
-    fold, counted = fold_of(path), along.weight > 0
-    found = []
-    for one in range(_FOLDS):
-        mine = samples.fold == one
-        if not (fold == one).any() or not mine.any():
-            continue
-        member = family.refit(path.with_weight(np.where(fold == one, 0.0, path.weight)), near)
-        joint = PREDICTED[family.name](member.parameters, along.motor)[counted]
-        error = np.interp(samples.time[mine], along.time[counted], joint) - samples.joint[mine]
-        found.append(float(np.average(error**2, weights=samples.share[mine])))
-    return np.array(found)
+    fold, seen = fold_of(path), path.weight > 0
+    nodes, stroke = path.time[seen], path.stroke[seen]
+    after = np.searchsorted(nodes, time).clip(1, len(nodes) - 1)
+    own = np.where((stroke[after - 1] == stroke[after]) & (time <= nodes[-1]), fold[seen][after], -1)
+    samples = [np.flatnonzero(own == one) for one in range(_FOLDS)]  # of strokes that were read
+    thinned = fold_of(thin)
+    found: dict[str, Array] = {}
+    for family in families:
+        errors = []
+        for one, mine in enumerate(samples):
+            if not len(mine) or not (thinned == one).any():
+                continue
+            rest = thin.with_weight(np.where(thinned == one, 0.0, thin.weight))
+            member = family.refit(rest, estimates[family.name])
+            predicted = np.interp(time[mine], nodes, PREDICTED[family.name](member.parameters, path.motor)[seen])
+            weights = np.interp(time[mine], path.time, counted)
+            errors.append(float(np.average((predicted - joint[mine]) ** 2, weights=weights)))
+        found[family.name] = np.array(errors)
+    return found
 
 
 def simplest_of_the_best(

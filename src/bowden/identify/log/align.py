@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
 from bowden.identify.cable.generalised import LAGS, bent_stack
-from bowden.identify.cable.path import path_of
+from bowden.identify.cable.path import build_path
+from bowden.identify.cable.turns import find_turns
 
 Array = NDArray[np.float64]
 
@@ -118,8 +119,10 @@ def _refined(time: Array, motor: Array, second: Array, answer: Array, late: floa
     """The lag near `late` at which a stack of plays round a bent line leaves least of the joint [s]."""
     from scipy.optimize import minimize_scalar
 
+    turns = find_turns(motor)
+
     def left(lag: float) -> float:
-        path = path_of(time, motor, np.interp(time, second + lag, answer), _NODES)
+        path = build_path(time, motor, np.interp(time, second + lag, answer), turns, _NODES)
         return bent_stack(path, LAGS * path.span).left
 
     tried = late + reach * np.linspace(-1.0, 1.0, 17)

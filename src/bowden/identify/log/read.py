@@ -1,17 +1,15 @@
 """Reading and checking the log of a cable, of whatever kind and however laid out."""
 
 import math
-import shlex
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.arguments import said
-from bowden.core.bounded import open_file
+from bowden.core.arguments import path_of, said
 from bowden.core.errors import LogError, ParameterError, counted
 from bowden.core.guesses import answering
 from bowden.core.units import DEGREES
@@ -35,7 +33,7 @@ from bowden.identify.log.columns import CABLE, FACTORS, TIMES, LogColumn, find_c
 from bowden.identify.log.quaternions import with_angles
 from bowden.plants.counting import NOT_SAID, Covered, Encoders
 from bowden.plants.trust import Trust
-from bowden.records.table import KINDS, is_bag, read_table
+from bowden.records.table import read_table
 from bowden.records.units import unit_of
 
 Array = NDArray[np.float64]
@@ -105,37 +103,89 @@ class RawLog:
     """Sample → where it stands in the file, for messages."""
 
 
+class Layout(NamedTuple):
+    """What a user says of a log's layout; see `read_log`."""
+
+    time: Any = None
+    """Name or number of a column, or its values (n,); so the next two."""
+    motor: Any = None
+    joint: Any = None
+    unit: str | None = None
+    counts_per_turn: float | Sequence[float] | str | None = None
+    spool_radius_mm: float | None = None
+    rate: float | None = None
+
+    @property
+    def units(self) -> AngleUnits:
+        """Of the angles, read."""
+        return angle_units(self.unit, self.counts_per_turn, self.spool_radius_mm)
+
+    def columns(self, path: Path) -> dict[str, str | None]:
+        """Role (time, motor, joint) → name or number of its column in a file.
+
+        Raises:
+            ParameterError: something else, or a rate that is none or beside times.
+        """
+        checked_rate(self.rate, self.time)
+        named: dict[str, str | None] = {}
+        for role in ("time", *SIDES):
+            column = getattr(self, role)
+            named[role] = str(column) if type(column) is int else column
+            if not isinstance(named[role], str | None):
+                raise ParameterError(
+                    f"{role} of the log {path} is {said(column)}",
+                    expected="the name or number of a column in the file",
+                    do="or give only arrays: identify(time, motor, joint)",
+                )
+        return named
+
+
 def read_log(
     path: Path | str,
     *,
-    time: str | None = None,
-    motor: str | None = None,
-    joint: str | None = None,
+    time: Any = None,
+    motor: Any = None,
+    joint: Any = None,
     unit: str | None = None,
     counts_per_turn: float | Sequence[float] | str | None = None,
     spool_radius_mm: float | None = None,
     rate: float | None = None,
 ) -> Log:
-    """Read a cable's log and check it.
+    """Read the log of a cable and check it: even time, finite angles that move, in radians.
 
     Args:
-        path: of a table, see `read_table`; text may stand above the names.
-        time: name or number of the time column; guessed where it is not given.
+        path: CSV (also gzipped), NumPy, Parquet, MATLAB, HDF5, Excel, TDMS, or the folder of a bag of ROS 2; text
+            above the names is skipped.
+        time: name or number (from 1) of the time column; guessed where it is not given.
         motor: of the motor's column.
         joint: of the joint's column.
-        unit: of the angles, one for both or one each (``counts,deg``), see `angle_units`; taken from the columns' names
-            where it is not given.
-        counts_per_turn: of the encoders, one number for both or one each.
+        unit: of the angles, ``deg``, ``rad``, ``turns``, ``counts`` or (of the motor) ``mm``, or one each
+            (``"counts,deg"``); as the columns' names say where it is not given.
+        counts_per_turn: of the encoders, where they count: one number, or one for the motor and one for the joint.
         spool_radius_mm: of the motor, where its column is a length of cable.
-        rate: rows a second of a log without times; a time column is then not read [Hz].
+        rate: rows a second, of a log without times [Hz].
+
+    Returns:
+        ``time`` [s], ``motor`` and ``joint`` [rad]; ``warnings`` say what was corrected or guessed.
 
     Raises:
-        LogError: the file cannot be read, or the log cannot be used; one line that says why and where.
-        ParameterError: an unknown unit, counts or a rate that cannot be, a rate beside a time column's name.
+        LogError: the file cannot be read, or the log cannot be used; the message says why and where.
+        ParameterError: arguments of the wrong kind.
+
+    >>> import bowden, pathlib, tempfile
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "log.csv"
+    >>> rows = "".join(f"{0.01 * i:.2f},{i % 50},{(i + 3) % 50}\\n" for i in range(400))
+    >>> _ = file.write_text("time_s,motor_deg,joint_deg\\n" + rows)
+    >>> bowden.read_log(file).joint[0].round(3)
+    np.float64(0.052)
     """
-    units, file = angle_units(unit, counts_per_turn, spool_radius_mm), Path(path)
-    checked_rate(rate, time)
-    given = {"time": time, "motor": motor, "joint": joint}
+    file = path_of(path, "read_log: path")
+    return read_file(file, Layout(time, motor, joint, unit, counts_per_turn, spool_radius_mm, rate))
+
+
+def read_file(file: Path, layout: Layout) -> Log:
+    """`read_log` of what a user says of a log's layout."""
+    units, rate, given = layout.units, layout.rate, layout.columns(file)
     raw = read_columns(file, given, optional=() if rate is None else ("time",))
     if rate is None and not rises_evenly(raw.values["time"]):
         for side in SIDES:
@@ -154,25 +204,19 @@ def read_log(
     return prepare(seconds, angles, file.name, raw.place, units.apart, said, time_unit_known=timed)
 
 
-def read_run(
-    files: Sequence[Path],
-    given: Mapping[str, str | None],
-    units: AngleUnits,
-    rate: float | None = None,
-) -> Log | None:
+def read_run(files: Sequence[Path], layout: Layout) -> Log | None:
     """One run of which one file has the motor and another the joint, on one clock; None where they are no such files.
 
     The columns say which it is; where they do not, and each file has one beside its time, the motor's comes first.
 
     Args:
         files: two.
-        given: role → name or number of its column, where the user gave it.
-        units: of both.
-        rate: rows a second, where neither has times [Hz].
+        layout: of both.
 
     Raises:
         LogError: a file that cannot be read, or files that are not of one motion.
     """
+    units, rate, given = layout.units, layout.rate, layout.columns(files[0])
     names = [with_angles(read_table(file)).names for file in files]
     found = [sides_in(given, one) for one in names]
     timed = [len([one for one in each if one.strip() and split_name(one)[0] not in TIMES]) for each in names]
@@ -242,26 +286,6 @@ def read_columns(
     Raises:
         LogError: the file cannot be read, or has no such columns.
     """
-    bag, head = is_bag(file), b""
-    if file.is_dir() and not bag:
-        raise LogError(f"{file} is a folder", expected="a log file", do=f"give the path of one: {KINDS}")
-    try:
-        if not bag:
-            with open_file(file) as opened:
-                head = opened.read(512)
-    except FileNotFoundError:
-        raise LogError(f"{file} does not exist", do="check the path") from None
-    except OSError as error:
-        raise LogError(
-            f"{file} cannot be read: {error.strerror or error}", do="check the file and its permissions"
-        ) from None
-    if head.startswith(b"\x89MCAP0\r\n") and b"bowden" in head:
-        raise LogError(
-            f"{file} is the log of a live run",
-            expected="time, motor and joint in columns",
-            do=f"write them: bowden log export {shlex.quote(str(file))}; in Python read it with "
-            "bowden.read_trace(path), which bowden.identify takes",
-        )
     table = with_angles(read_table(file))
     columns = find_columns(table.names, given, str(file), known, optional)
     for role, column in columns.items():

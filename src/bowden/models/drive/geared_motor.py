@@ -88,6 +88,11 @@ TURNING, FADING = 0.01, 1.0
 """Time constants of the feed-forward's direction: where the target moves, and where it rests [s]."""
 
 
+def no_load_speed(motor: GearedMotor) -> float:
+    """Speed of the spool at which the back-EMF is the supply, V/(kτ·N) [rad/s]."""
+    return motor.supply / (motor.torque_constant * motor.gear)
+
+
 def check_geared_motor(motor: GearedMotor) -> None:
     """Refuse a motor that cannot be.
 

@@ -156,8 +156,8 @@ def servo_turn(offset: float, velocity: float, servo: ServoStep) -> tuple[float,
     q = velocity / (servo.stiffness * offset + sigma * velocity)
     square = servo.stiffness - sigma * sigma
     z = sqrt(abs(square)) * q
-    if abs(z) < 1e-4:
-        time = q * (1.0 - square * q * q / 3.0)
+    if z == 0.0:
+        time = q
     elif square > 0.0:
         time = q * math.atan(z) / z
     else:

@@ -75,6 +75,13 @@ def flexor_arm(angle: float, suit: SpoolMap) -> float:
     return suit.b * sin(0.5 * inside) + suit.a * cos(0.5 * inside)
 
 
+def steepest_spool(low: float, high: float, suit: SpoolMap) -> float:
+    """Turn of the spool per joint angle, at most, between two joint angles [rad/rad]."""
+    low, high = (max(LOW, min(HIGH, angle)) for angle in (low, high))  # beyond, the map goes on along its tangent
+    between = (low + (high - low) * i / 64.0 for i in range(65))
+    return max(float(flexor_arm(angle, suit)) for angle in between) / suit.radius
+
+
 @kernel
 def spool_of(motor: float, suit: SpoolMap) -> float:
     """The spool's angle for a motor angle in the joint's coordinate [rad]."""

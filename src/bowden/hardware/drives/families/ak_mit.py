@@ -181,7 +181,8 @@ FAMILY = on_can.family(
     explain=lambda code: FINDINGS.get(code) or error_text(code),
     most=most_push,
     unseen_watch=lambda parameters: (
-        f"the CAN timeout of an {parameters.model} is set with its maker's tool, and no frame shows whether it is"
+        f"the CAN timeout of an {parameters.model} is set with its maker's tool, and no frame shows whether it is: if "
+        "it is not, the motor keeps its last command when this computer dies, until its supply is cut"
     ),
     no_limb=lambda parameters: parameters.no_limb,
     zero_hint="An AK drive takes the present place for its own zero by its set-origin frame, or with its maker's tool; "

@@ -32,6 +32,9 @@ HIGHEST_NODE = 62
 """Number 63 is the broadcast."""
 
 
+_SPEED = "motor_speed_deg_per_s of [limits]"
+
+
 class OdriveParameters(NamedTuple):
     """An ODrive board on a CAN bus, in SI and radians at the spool.
 
@@ -99,16 +102,16 @@ class OdriveParameters(NamedTuple):
         yield on_can.rule_of_watchdog(self)
         yield from on_can.rules_of_rig(self, (5e-4, 0.02))
         yield "lowest_motor", reach <= MOST_TURNS, f"at most {MOST_TURNS:g} turns of the motor from its home"
-        for name, most, unit in (
-            ("velocity_scale", limits.speed if math.isfinite(limits.speed) else 0.0, "turns/s"),
-            ("torque_scale", self.needs.torque_offset / self.needs.gear, "N·m"),
+        for name, most, unit, key in (
+            ("velocity_scale", limits.speed if math.isfinite(limits.speed) else 0.0, "turns/s", _SPEED),
+            ("torque_scale", self.needs.torque_offset / self.needs.gear, "N·m", "friction_feedforward_nm of [suit]"),
         ):
             scale = getattr(self, name)
             if most * scale > INT16:
                 raise ParameterError(
                     f"the rig asks for {most:.4g} {unit} at the motor, and drive.{name} is {scale}",
                     expected=f"at most {INT16 / scale:.4g} {unit}, which is all that a target's field can tell",
-                    do="reduce the scale in the board and in [drive], or the limit in [limits]",
+                    do=f"reduce the scale in the board and in [drive], or {key}",
                 )
         if has_encoder(self) and self.node_id in ASKED_BY_CANOPEN:
             raise ParameterError(

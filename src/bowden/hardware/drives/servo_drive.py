@@ -1,0 +1,423 @@
+"""A serial servo as the live loop's `Drive`: targets in one sync write, readings in one sync read, no thread, no wait.
+
+All servos of a line are written and asked together, once the last of their drivers has had its say in a cycle
+(`BusPort.gather`). Without power a servo is told in every cycle that its torque is off. With power it is first given
+its own position for a target, then its torque, and it follows once it has said that it has torque: enabling moves
+nothing. Whatever a servo forgets at power-off is written and read back at bring-up; what it keeps is compared and never
+written.
+"""
+
+import math
+from typing import Any
+
+from bowden.core.errors import DriveError
+from bowden.core.signals import DriveState
+from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.packets import ALL, HIGHEST, STATUS, Instruction
+from bowden.hardware.buses.place import ERROR
+from bowden.hardware.drives.checklist import (
+    CURRENT,
+    TRIES,
+    Conversation,
+    DriveLimit,
+    Found,
+    check_limits,
+    check_settings,
+    joined,
+    refuse_torque,
+)
+from bowden.hardware.drives.driver import Driver
+from bowden.hardware.drives.findings import UNWATCHED
+from bowden.hardware.drives.on_can import place
+from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, motor_limits, nearest
+from bowden.hardware.drives.servo_table import Reader, Sample, joint_scale, motor_scale
+from bowden.hardware.ports import Power
+from bowden.rig.families import FoundDevice
+
+LISTENING = 0.3
+"""So long the line is listened to before anything is said on it [s]."""
+STILL = 8
+"""Counts within which a motor stands still between two readings, of 4096 a turn."""
+MOST_UNANSWERED = 16
+"""Questions that are waited for at most; what is older than these is lost."""
+BETWEEN = 4e-3
+"""For an answer of one who may be there, when all are looked for [s]."""
+
+
+class ServoDialogue:
+    """Questions and answers with one servo.
+
+    Args:
+        port: of its line, while no cycle runs.
+        drive: parameters of its family.
+        number: which servo.
+    """
+
+    def __init__(self, port: BusPort, drive: Any, number: int) -> None:
+        self._drive, self.number, self._table = drive, number, drive.table
+        self.bus = Conversation(port, number, lambda identifier, data: is_foreign(number, identifier, data))
+        self.name = f"servo {number}"
+        self.bus.name = self.name
+
+    def _ask(self, data: bytes, length: int, tries: int = TRIES) -> bytes | None:
+        """What follows the error in the servo's answer, of so many bytes."""
+
+        def answered(identifier: int, said: bytes) -> bytes | None:
+            fine = identifier == self.number and said[0] == STATUS and len(said) == 2 + length
+            return said[2:] if fine else None
+
+        return self.bus.ask((self.number, data), self._drive.answer_timeout, answered, tries)
+
+    def find(self) -> int:
+        """Its model's number.
+
+        Raises:
+            DriveError: nobody answers, or more than one does.
+        """
+        self.bus.check_alone()
+        port, answers = self.bus.port, 0
+
+        def counted(identifier: int, said: bytes) -> None:
+            nonlocal answers
+            answers += identifier == self.number and said[0] == STATUS
+
+        for _ in range(TRIES):
+            garbled = port.errors
+            port.send_now(self.number, bytes((Instruction.PING,)))
+            self.bus.wait(self._drive.answer_timeout, counted)
+            if answers:
+                break
+        if answers > 1:
+            raise DriveError(
+                f"{answers} servos answer as {self.number}",
+                expected="a number of its own for each",
+                do="take all but one off the line, and give that one another ID with its maker's tool",
+            )
+        if not answers and port.errors > garbled:
+            raise DriveError(
+                f"what answers as {self.name} cannot be read at {self._drive.bitrate} bit/s",
+                expected="one servo of that number",
+                do="look for two servos of one ID, another bit rate or a bad cable: connect one servo alone",
+            )
+        if not answers:
+            raise DriveError(
+                f"nobody answers as {self.name} at {self._drive.bitrate} bit/s",
+                expected=f"a servo that speaks {self._table.packets.name}",
+                do="switch its supply on; check its cable, its ID and its baud rate with its maker's tool, and node_id "
+                "and bitrate in [drive]",
+            )
+        return self.get("Model Number")
+
+    def get(self, name: str) -> int:
+        """A register.
+
+        Raises:
+            DriveError: no answer.
+        """
+        register = self._table.registers[name]
+        said = self._ask(self._table.packets.read(register.address, register.size), register.size)
+        if said is None:
+            raise DriveError(
+                f"{self.name} does not tell its {name} ({register.address})",
+                expected="an answer to every question",
+                do="set its Status Return Level to answer all with its maker's tool; check its cable",
+            )
+        return register.decode(said)
+
+    def set(self, name: str, value: int) -> None:
+        """A register, which is read back.
+
+        Raises:
+            DriveError: it has another value afterwards.
+        """
+        register = self._table.registers[name]
+        head = self._table.packets.sync_write(register.address, register.size)  # to which nobody answers
+        self.bus.port.send_now(ALL, head + bytes((self.number,)) + register.encode(value))
+        found = self.get(name)
+        if found != value:
+            raise DriveError(
+                f"{self.name} has {name} {found} after {value} was written",
+                expected=f"{value}",
+                do="look up what its firmware allows, and load a later one with its maker's tool",
+            )
+
+    def sample(self, fast: bool) -> Sample | None:
+        """What it says in a cycle; None where it does not answer such a question."""
+        address, length, _ = self._table.block()
+        head = self._table.packets.sync_read(address, length, fast=fast)
+        said = self.bus.ask(
+            (ALL, head + bytes((self.number,))),
+            self._drive.answer_timeout,
+            lambda identifier, data: (
+                data[2:] if identifier == self.number and len(data) == 2 + length and data[0] == STATUS else None
+            ),
+        )
+        return None if said is None else Reader(self._table).sample(said)
+
+    def prepare(self) -> Sample:
+        """Let it show in one piece what a cycle reads, and read that.
+
+        Raises:
+            DriveError: it is another model than the rig says, has torque, or does not answer.
+        """
+        table, drive = self._table, self._drive
+        model = self.find()
+        if model != table.model:
+            raise DriveError(
+                f"{self.name} is model number {model}",
+                expected=f"{table.model}, {'a' if drive.family == 'dynamixel' else 'an'} {drive.model}",
+                do="correct drive.model, or node_id: another model has other counts, currents and addresses",
+            )
+        if self.get("Torque Enable"):
+            do = "end the program that holds it, or switch its supply off and on"
+            raise refuse_torque(self.name, "torque: Torque Enable is 1", do)
+        if table.indirect is not None:
+            shown = table.indirection()
+            self.bus.port.send_now(
+                ALL, table.packets.sync_write(table.indirect[0], len(shown)) + bytes((self.number,)) + shown
+            )
+            if self._ask(table.packets.read(table.indirect[0], len(shown)), len(shown)) != shown:
+                raise DriveError(
+                    f"{self.name} does not keep its indirect addresses ({table.indirect[0]})",
+                    expected="what was written to them",
+                    do="load a later firmware with its maker's tool",
+                )
+        sample = self.sample(fast=False)
+        if sample is None:
+            raise DriveError(
+                f"{self.name} does not answer a sync read",
+                expected="an answer",
+                do="load a later firmware with its maker's tool",
+            )
+        return sample
+
+
+def is_foreign(number: int, identifier: int, data: bytes) -> bool:
+    """Whether a frame is an instruction that only this host may give."""
+    return identifier in (number, ALL) and bool(data) and data[0] != STATUS
+
+
+class ServoDrive(Driver):
+    """The drive of one motor, and the servo on its joint."""
+
+    _drive: Any
+    synced = True
+
+    def _prepare(self) -> None:
+        drive, table = self._drive, self._drive.table
+        self._reader, self._packets = Reader(table), table.packets
+        self.turn, self.most_counts = float(table.turn), float(table.furthest)
+        self._goal, torque = table.registers["Goal Position"], table.registers["Torque Enable"]
+        self._goal_head = self._packets.sync_write(self._goal.address, self._goal.size)
+        self._torque_head = self._packets.sync_write(torque.address, torque.size)
+        self._numbers = (drive.node_id, drive.joint_node_id) if drive.joint == "servo" else (drive.node_id,)
+        self._fast = False
+        self._joint_scale, self._joint_zero = joint_scale(drive), 0.0
+
+    def _concerns(self, identifier: int) -> bool:
+        return identifier in (*self._numbers, ALL)
+
+    def _is_foreign(self, identifier: int, data: bytes) -> bool:
+        return not identifier & ERROR and any(is_foreign(number, identifier, data) for number in self._numbers)
+
+    def _find(self, port: BusPort) -> Found:
+        drive, table = self._drive, self._drive.table
+        servo = ServoDialogue(port, drive, drive.node_id)
+        servo.bus.listen(LISTENING)
+        first = servo.prepare()
+        check_settings(servo.name, servo.get, drive.settings())
+        for name, value in drive.preset().items():
+            servo.set(name, value)
+        firmware = servo.get("Firmware Version")
+        if drive.joint == "servo":
+            self._joint_zero = self._find_joint(port)
+        self._fast = self._packets.fast and all(
+            ServoDialogue(port, drive, number).sample(fast=True) is not None for number in self._numbers
+        )
+        last = servo.sample(fast=False) or first
+        if abs(last.position - first.position) > STILL * table.turn / 4096:
+            raise DriveError(
+                f"the position of {servo.name} is {first.position} and then {last.position}",
+                expected="a motor that stands still",
+                do="hold it, and check what pulls at it",
+            )
+        scale = motor_scale(drive, self._home(last.position))
+        limits = motor_limits(drive, scale)
+        self._check_limits(servo, scale, limits)
+        servo.bus.check_alone()
+        error = drive.error_of(last)
+        who = f"{drive.model} at {servo.name}, firmware {firmware}"
+        if error:
+            who += f"; in fault, 0x{error:02X}"
+        state = DriveState.FAULT if error else DriveState.SWITCH_ON_DISABLED
+        return Found(who, scale, None, limits, state, error, "")
+
+    def _find_joint(self, port: BusPort) -> float:
+        """The servo on the joint: its counts at home."""
+        drive = self._drive
+        on_joint = ServoDialogue(port, drive, drive.joint_node_id)
+        position = on_joint.prepare().position
+        return float(position) if drive.home == "here" else 0.0
+
+    def _home(self, position: float) -> float:
+        """The motor's counts at home."""
+        drive, turn = self._drive, float(self._drive.table.turn)
+        if drive.home == "here":
+            return position
+        if drive.home == "hint":
+            return position - nearest(position, turn, motor_scale(drive).counts(drive.motor_hint))
+        return 0.0
+
+    def _check_limits(self, servo: ServoDialogue, scale: Scale | SuitScale, limits: MotorLimits) -> None:
+        """That the servo counts as far, that it finds its turn again after power-off, and that it gives the current."""
+        drive, table = self._drive, self._drive.table
+        low, high = drive.after_power_off(servo.get)
+        inside = drive.home != "counts" or all(
+            not math.isfinite(end) or low <= end <= high for end in (limits.low, limits.high)
+        )
+        if not inside:
+            raise DriveError(
+                f"the motor goes from {limits.low:.0f} to {limits.high:.0f} counts, and {servo.name} finds itself "
+                f"between {low} and {high} after power-off",
+                expected='a range within that turn, with home = "counts"',
+                do='set home = "hint" with motor_hint_deg in [drive], or home = "here"; or turn the servo\'s horn',
+            )
+        if "Current Limit" in table.registers:
+            own = table.current_step * servo.get("Current Limit")
+            check_limits(
+                (DriveLimit(CURRENT, drive.needs.current_limit, own, "Current Limit (38)"),), "with its maker's tool"
+            )
+
+    def _least_current(self, found: Found) -> float:
+        return float(self._drive.table.current_step)
+
+    def _begin(self, found: Found | None) -> None:
+        self._unanswered = self._primed = 0
+        self._torque, self._position = False, 0
+
+    def _take(self, identifier: int, data: bytes, now: float) -> bool:
+        if identifier not in self._numbers or not data or data[0] != STATUS:
+            return False
+        if len(data) != 2 + self._reader.length:
+            return True
+        sample = self._reader.sample(data[2:])
+        if identifier == self._drive.node_id:
+            self._take_motor(sample, now)
+        else:
+            self._take_joint(sample)
+        return True
+
+    def _take_motor(self, sample: Sample, now: float) -> None:
+        drive, readings, found = self._drive, self._readings, self._found
+        if self._unanswered == 0:
+            readings.foreign += 1.0  # it answers somebody else
+        self._unanswered = max(0, self._unanswered - 1)
+        readings.replied_at = now
+        self._torque, self._position = bool(sample.torque), sample.position
+        if self._lost or found is None:
+            return  # whatever it says: its position may be another
+        readings.failed(drive.error_of(sample))
+        if "Bus Watchdog" in drive.table.registers and sample.watch not in (drive.watch_count, 0xFF):
+            readings.found(UNWATCHED)
+        self._check_turns(float(sample.position), now)
+        if self._lost:
+            return
+        current = drive.motor_direction * drive.table.current_step * sample.current
+        sampled = now if math.isnan(self._written) else self._written
+        readings.moved(found.motor.angle(sample.position), current, float(sample.temperature), sampled)
+
+    def _take_joint(self, sample: Sample) -> None:
+        """The joint's angle, in the turn around home: its servo forgets the turn as well."""
+        turn = float(self._drive.table.turn)
+        counts = (sample.position - self._joint_zero + 0.5 * turn) % turn - 0.5 * turn
+        self._readings.turned(self._joint_scale.angle(counts))
+
+    def _judge(self, now: float) -> None:
+        self._check_silence(now)
+        error = self._readings.error
+        if not self._up or self._lost:
+            state = DriveState.NOT_READY_TO_SWITCH_ON
+        elif self._torque:
+            state = DriveState.FAULT_REACTION_ACTIVE if error else DriveState.OPERATION_ENABLED
+        else:
+            state = DriveState.FAULT if error else DriveState.SWITCH_ON_DISABLED
+        self._update_state(state)
+        self._check_inert(now)
+
+    def _can_lead(self) -> bool:
+        return not self._readings.error
+
+    def _lead(self, found: Found, counts: float, target: float, torque: float, now: float) -> None:
+        number = bytes((self._drive.node_id,))
+        if self._state is DriveState.OPERATION_ENABLED:
+            self._primed, self._led, self._target = 0, self._led + 1, target
+            self._gather((self._goal_head, number + self._goal.encode(round(counts))))
+            return
+        self._primed += 1
+        here = (self._goal_head, number + self._goal.encode(self._position))
+        self._gather(here, *(((self._torque_head, number + b"\x01"),) if self._primed > 1 else ()))
+
+    def _relax(self, power: Power, now: float) -> None:
+        """It has no quick stop: that is power off."""
+        drive, number = self._drive, self._drive.node_id
+        self._primed = 0
+        if self._reset and self._readings.error:
+            self._reset = False
+            if self._readings.error & 0xFF and "Bus Watchdog" in drive.table.registers:
+                self._send(number, bytes((Instruction.REBOOT,)))
+                self._lost = True  # its turn may be another: it has to be brought up again
+            else:
+                for name, value in drive.cleared():
+                    register = drive.table.registers[name]
+                    head = self._packets.sync_write(register.address, register.size)
+                    self._send(ALL, head + bytes((number,)) + register.encode(value))
+        self._gather((self._torque_head, bytes((number, 0))))
+
+    def _gather(self, *writes: tuple[bytes, bytes]) -> None:
+        """What this driver writes in this cycle, and whom it asks."""
+        self._unanswered = min(MOST_UNANSWERED, self._unanswered + 1)
+        if self._port is not None:
+            self._port.gather(ALL, writes, (self._question(), bytes(self._numbers)))
+
+    def _question(self) -> bytes:
+        address, length, _ = self._drive.table.block()
+        return self._packets.sync_read(address, length, fast=self._fast)
+
+    def _tell_off(self, number: int) -> None:
+        self._send(ALL, self._torque_head + bytes((self._drive.node_id, 0)))
+        self._send(ALL, self._question() + bytes((self._drive.node_id,)))
+
+    def _torque_told(self, identifier: int, data: bytes) -> bool | None:
+        if identifier != self._drive.node_id or len(data) != 2 + self._reader.length or data[0] != STATUS:
+            return None
+        return bool(self._reader.sample(data[2:]).torque)
+
+
+def probe(drive: Any, links: Links) -> list[FoundDevice]:
+    """Which servos there are: each number is pinged, and tells its model.
+
+    Args:
+        drive: with the line; its family's table is taken for all.
+        links: the buses of this process.
+
+    Raises:
+        DriveError: the line cannot be used.
+    """
+    found = []
+    with joined(place(drive), drive.node_id, links) as port:
+        for number in range(HIGHEST + 1):
+            servo = ServoDialogue(port, drive, number)
+            port.send_now(number, bytes((Instruction.PING,)))
+            there = port.wait_for(lambda identifier, data, number=number: identifier == number, BETWEEN)  # type: ignore[misc]
+            if there is not None:
+                found.append(_told(servo, drive))
+    return found
+
+
+def _told(servo: ServoDialogue, drive: Any) -> FoundDevice:
+    model, torque = servo.get("Model Number"), servo.get("Torque Enable")
+    names = {one.model: name for name, one in drive.models().items()}
+    said = f"{names.get(model, 'a model that is not known here')} (number {model}), "
+    said += f"firmware {servo.get('Firmware Version')}, at {servo.get('Present Position')} counts"
+    state = DriveState.OPERATION_ENABLED if torque else DriveState.SWITCH_ON_DISABLED
+    return FoundDevice(servo.number, "serial servo", said, state.name)

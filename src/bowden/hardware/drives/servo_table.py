@@ -1,0 +1,214 @@
+"""Serial servos: where things are in their memory, what a cycle asks of them, and what all their families share.
+
+A servo is a table of registers that are read and written; its families differ in the table and in the packets.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, Literal, NamedTuple
+
+from bowden.core.errors import ParameterError
+from bowden.core.quantity import Quantity
+from bowden.core.units import RADIANS
+from bowden.hardware.buses.packets import PROTOCOLS, STATUS, Packets, fast_answer
+from bowden.hardware.drives import on_can
+from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
+
+ADAPTER = 1e-3
+"""For which a USB adapter may keep what it has received, its latency timer at the least [s]."""
+
+LineInterface = Annotated[
+    Literal["bowden_unix", "serial"], Quantity("bowden_unix for the twin, serial for a line at this computer")
+]
+LineChannel = Annotated[str, Quantity("the line: /dev/ttyUSB0; of bowden_unix a folder, or a bare name")]
+ServoNumber = Annotated[int, Quantity("the servo's number on its line, its ID", ge=0, le=252)]
+ReturnDelay = Annotated[
+    float,
+    Quantity(
+        "between a question and the servo's answer as it is set (Return Delay Time)", "s", shown="ms", ge=0.0, le=0.508
+    ),
+]
+NoLimb = Annotated[
+    bool,
+    Quantity("true where no limb can be in the rig; such a servo is powered on no other, as it would keep its torque"),
+]
+JointServo = Annotated[
+    Literal["servo", "none"],
+    Quantity(
+        "where the joint's angle comes from: servo, a second servo of this model on the joint, without torque; none, "
+        "from nowhere, and then nothing can run"
+    ),
+]
+JointNumber = Annotated[int, Quantity("number of the servo on the joint", ge=0, le=252)]
+
+
+class Register(NamedTuple):
+    """A value in a servo's memory."""
+
+    address: int
+    size: int = 1
+    """[bytes]"""
+    signed: bool = False
+    """Whether it may be negative."""
+    sign: int = 0
+    """Of a servo that writes a sign and a magnitude the bit of the sign; otherwise it writes the complement of two."""
+
+    def encode(self, value: int) -> bytes:
+        """The value as bytes, within what they can hold."""
+        most = (1 << self.sign) - 1 if self.sign else (1 << 8 * self.size - self.signed) - 1
+        value = max(-most if self.signed else 0, min(most, value))
+        if value < 0:
+            value = -value | 1 << self.sign if self.sign else value + (1 << 8 * self.size)
+        return value.to_bytes(self.size, "little")
+
+    def decode(self, data: bytes) -> int:
+        """The value of bytes, of which there are as many as it has."""
+        value = int.from_bytes(data, "little")
+        if not self.signed:
+            return value
+        if self.sign:
+            return -(value & ~(1 << self.sign)) if value >> self.sign else value
+        return value - (1 << 8 * self.size) if value >> 8 * self.size - 1 else value
+
+
+class Sample(NamedTuple):
+    """What a servo says in a cycle."""
+
+    torque: int
+    """Whether it may have torque."""
+    error: int
+    watch: int
+    """Its watchdog over its host; 0 of one without."""
+    current: int
+    position: int
+    temperature: int
+    """[°C]"""
+
+
+CYCLIC = ("Torque Enable", "Hardware Error Status", "Bus Watchdog", "Present Current", "Present Position",
+          "Present Temperature")  # fmt: skip
+"""Registers of a `Sample`, in its order; what a servo has not stays 0."""
+
+
+class ServoTable(NamedTuple):
+    """A servo's memory."""
+
+    protocol: str
+    """Name in `packets.PROTOCOLS`."""
+    registers: Mapping[str, Register]
+    """By the makers' names; a name for one thing in both families."""
+    model: int
+    """Its number."""
+    turn: int
+    """Counts of a turn of its output shaft."""
+    current_step: float
+    """Of a count of its current [A]."""
+    furthest: int
+    """Counts that it counts to, either way."""
+    lowest: int = 0
+    """Of the turn in which it finds itself after power-off."""
+    indirect: tuple[int, int] | None = None
+    """Where the addresses stand of what is shown in one piece, and where it is shown; None where it is so anyhow."""
+    watch_step: float = math.inf
+    """Of a count of its watchdog; infinite of one without [s]."""
+
+    @property
+    def packets(self) -> Packets:
+        """Of its protocol."""
+        return PROTOCOLS[self.protocol]
+
+    def parts(self) -> list[Register | None]:
+        """The registers of a `Sample`; None of what it has not."""
+        return [self.registers.get(name) for name in CYCLIC]
+
+    def block(self) -> tuple[int, int, tuple[int, ...]]:
+        """What a cycle reads: its address, its length, and where in it the parts of a `Sample` begin."""
+        parts = self.parts()
+        there = [one for one in parts if one is not None]
+        if self.indirect is None:
+            first = min(one.address for one in there)
+            length = max(one.address + one.size for one in there) - first
+            return first, length, tuple(one.address - first if one else -1 for one in parts)
+        starts, at = [], 0
+        for one in parts:
+            starts.append(at if one else -1)
+            at += one.size if one else 0
+        return self.indirect[1], at, tuple(starts)
+
+    def indirection(self) -> bytes:
+        """What has to be written to the first of `indirect`, that a cycle finds what it reads in one piece."""
+        return b"".join(
+            (one.address + i).to_bytes(2, "little") for one in self.parts() if one is not None for i in range(one.size)
+        )
+
+
+class Reader:
+    """Makes a `Sample` of what a cycle has read."""
+
+    def __init__(self, table: ServoTable) -> None:
+        _, self.length, starts = table.block()
+        self._parts = tuple(zip(table.parts(), starts, strict=True))
+
+    def sample(self, data: bytes) -> Sample:
+        """Of as many bytes as the block has."""
+        return Sample(*(one.decode(data[at : at + one.size]) if one is not None else 0 for one, at in self._parts))
+
+
+def cycle_time(drives: Sequence[Any]) -> float:
+    """What a cycle takes with these drives on one line, and the servos on their joints: targets out, readings in [s].
+
+    10 bits a byte, one sync write, one sync read and the answers, each after its servo's delay; and the adapter's time.
+    """
+    first = drives[0]
+    table, packets = first.table, first.table.packets
+    count = sum(2 if one.joint == "servo" else 1 for one in drives)
+    address, length, _ = table.block()
+    goal = table.registers["Goal Position"]
+    write = packets.sync_write(goal.address, goal.size) + bytes(len(drives) * (1 + goal.size))
+    ask = packets.sync_read(address, length, fast=packets.fast) + bytes(count)
+    answer = (1, bytes((STATUS, 0)) + bytes(length))
+    answers = len(fast_answer([answer] * count)) if packets.fast else count * len(packets.pack(*answer))
+    sent = len(packets.pack(1, write)) + len(packets.pack(1, ask)) + answers
+    delays = first.return_delay if packets.fast else sum(one.return_delay for one in drives) * count / len(drives)
+    return 10.0 * sent / first.bitrate + delays + ADAPTER
+
+
+def motor_scale(drive: Any, counts_at_home: float = 0.0) -> Scale | SuitScale:
+    """The servo's counts to the spool's angle, or, on a suit, to the motor's in the joint's coordinate."""
+    step = drive.motor_direction * 2.0 * math.pi / (drive.table.turn * drive.needs.gear)
+    return spool_scale(step, drive.motor_home, counts_at_home, drive.needs.spool)
+
+
+def joint_scale(drive: Any) -> Scale:
+    """Counts of the servo on the joint to the joint's angle, from home."""
+    return Scale(drive.joint_direction * 2.0 * math.pi / drive.table.turn, drive.joint_home)
+
+
+def rules(drive: Any) -> Iterator[on_can.Rule]:
+    """What must hold of a serial servo; see `on_can.require`.
+
+    Raises:
+        ParameterError: a cycle that the line is too slow for, or a range of which a restart would forget the turn.
+    """
+    yield from on_can.rules_of_rig(drive, (1e-3, 0.05))
+    yield "joint_node_id", drive.joint == "none" or drive.joint_node_id != drive.node_id, "not the motor's node_id"
+    shortest = cycle_time((drive,))
+    if drive.needs.sample_time < shortest:
+        raise ParameterError(
+            f"a cycle of {1e3 * drive.needs.sample_time:g} ms is too short for these servos at {drive.bitrate} bit/s",
+            expected=f"{1e3 * shortest:.2f} ms or more",
+            do="raise bench.sample_time_ms, or the bit rate of the servos and of [drive]; lower their Return Delay "
+            "Time and return_delay_ms",
+        )
+    low, high = drive.needs.lowest_motor, drive.needs.highest_motor
+    if drive.home == "counts" and math.isfinite(low) and math.isfinite(high):
+        scale = motor_scale(drive)
+        span = abs(scale.counts(high) - scale.counts(low))
+        if span >= drive.table.turn:
+            raise ParameterError(
+                f"the motor goes from {low / RADIANS:g} to {high / RADIANS:g}°, {span / drive.table.turn:.2f} turns of "
+                "the servo, which forgets at power-off in which turn it is",
+                expected='less than a turn with home = "counts"',
+                do='set home = "hint" with motor_hint_deg in [drive], or home = "here"; or make the range in [limits] '
+                "smaller",
+            )

@@ -1,0 +1,202 @@
+"""Estimate of a joint's angle where no encoder measures it: from the motor through the cable's model, and a sensor.
+
+The cable's model is a play: with s = αφ·(motor − zero), its joint z stays within s ± w and moves only where it must.
+The joint is
+
+    joint = z + f + b
+
+f is the model's error that changes on the way (a turn of the motor, a load), a Gauss–Markov process over travel and
+time; b is the one that stays (a sheath that was moved). A sensor shows, a `delay` late,
+
+    value = joint(t − delay) + d + noise
+
+where d is its own systematic error and drift. A Kalman filter of (f, b, d) takes each value that comes as it compares
+with the prediction of that time. One further off than `GATE` of the standard deviations with which the last one was
+taken is left out. Without values the prediction goes on, and its standard deviation grows.
+
+Source: R. E. Kalman, "A new approach to linear filtering and prediction problems", J. Basic Eng. 82 (1960).
+"""
+
+import math
+from typing import Annotated, NamedTuple
+
+from bowden.core.kernel import exp, kernel, sqrt
+from bowden.core.quantity import Quantity
+from bowden.core.units import RADIANS
+
+GATE = 5.0
+"""Standard deviations beyond which a value is not taken [–]."""
+STAYS = 0.5
+"""Share of the model's variance that stays, b; the rest changes on the way, f [–]."""
+TRAVEL = 30.0 * RADIANS
+"""Of the joint, over which f is forgotten: the way from one side of a usual stroke's loop to the other [rad]."""
+CHANGES, CREEPS = 10.0, 600.0
+"""Times over which f and b are forgotten at rest [s]."""
+LATE = 5.0
+"""Periods of the sensor without a value after which it counts as silent [–]."""
+UNSEEN = 10.0 * RADIANS
+"""Growth of the standard deviation while a sensor is silent: how fast a limb may go where nothing shows it [rad/s]."""
+LENGTH = 8
+"""Predictions that are remembered."""
+
+History = tuple[float, float, float, float, float, float, float, float]
+
+
+class JointModel(NamedTuple):
+    """Knowledge of cable and sensor."""
+
+    slope: float
+    """αφ, joint motion per motor motion [rad/rad]."""
+    zero: float
+    """Motor angle at which the joint is at zero [rad]."""
+    play: float
+    """w, half of what the joint loses at a reversal [rad]."""
+    error: float
+    """Standard deviation of the model's joint [rad]."""
+    period: float = 0.0
+    """Between two values of the sensor; 0 without one [s]."""
+    delay: float = 0.0
+    """Age of a value when it comes [s]."""
+    noise: float = 0.0
+    """Standard deviation of a value's noise [rad]."""
+    offset: float = 0.0
+    """Standard deviation of the sensor's systematic error [rad]."""
+    drift: float = 0.0
+    """Speed with which that error may grow [rad/s]."""
+
+
+class Covariance(NamedTuple):
+    """Of the errors f, b and d [rad²]."""
+
+    ff: float
+    fb: float
+    fd: float
+    bb: float
+    bd: float
+    dd: float
+
+
+class JointEstimate(NamedTuple):
+    """The joint's angle with its standard deviation, and the filter's state."""
+
+    angle: Annotated[float, Quantity("of the joint", "rad")]
+    std: Annotated[float, Quantity("standard deviation of the angle", "rad")]
+    age: Annotated[float, Quantity("since the sensor's last value that was taken", "s")]
+    cable: Annotated[float, Quantity("z, the cable model's joint", "rad")]
+    shown: Annotated[float, Quantity("f + b as it is shown: a correction is spread over the sensor's period", "rad")]
+    changing: Annotated[float, Quantity("f", "rad")]
+    staying: Annotated[float, Quantity("b", "rad")]
+    sensor: Annotated[float, Quantity("d", "rad")]
+    covariance: Covariance
+    expected: Annotated[float, Quantity("variance of a value, when the last one was taken", "rad²")]
+    history: History
+    """z, the newest last, `stride` apart [rad]."""
+    since: Annotated[float, Quantity("cycles since the history's newest")]
+
+
+@kernel
+def estimate_start(model: JointModel, motor: float) -> JointEstimate:
+    """The joint where the cable has it at a motor angle [rad], in the middle of its play; no value has come yet."""
+    cable, variance = model.slope * (motor - model.zero), model.error * model.error
+    covariance = Covariance((1.0 - STAYS) * variance, 0.0, 0.0, STAYS * variance, 0.0, model.offset * model.offset)
+    history = (cable, cable, cable, cable, cable, cable, cable, cable)
+    std = model.error if model.period == 0.0 else math.inf
+    expected = variance + model.offset * model.offset + model.noise * model.noise
+    return JointEstimate(cable, std, math.inf, cable, 0.0, 0.0, 0.0, 0.0, covariance, expected, history, 0.0)
+
+
+@kernel
+def estimate_step(model: JointModel, state: JointEstimate, motor: float, value: float, dt: float) -> JointEstimate:
+    """One cycle later.
+
+    Args:
+        model: of cable and sensor.
+        state: before.
+        motor: measured angle; where it is missing the prediction stands still [rad].
+        value: of the sensor, an angle of the joint `delay` ago; NaN where none came in this cycle [rad].
+        dt: length of a cycle [s].
+    """
+    middle = state.cable if math.isnan(motor) else model.slope * (motor - model.zero)
+    cable = max(middle - model.play, min(middle + model.play, state.cable))
+    changing, staying, sensor, covariance = predicted(model, state, abs(cable - state.cable), dt)
+    history, since = remembered(model, state, cable, dt)
+    age, expected = state.age + dt, state.expected
+    if not math.isnan(value):
+        error = value - cable_then(model, history, since, cable, dt) - changing - staying - sensor
+        f = covariance.ff + covariance.fb + covariance.fd
+        b = covariance.fb + covariance.bb + covariance.bd
+        d = covariance.fd + covariance.bd + covariance.dd
+        total = f + b + d + model.noise * model.noise
+        if error * error <= GATE * GATE * expected:
+            part, expected, age = 1.0 / total, total, 0.0
+            changing, staying, sensor = (
+                changing + f * part * error,
+                staying + b * part * error,
+                sensor + d * part * error,
+            )
+            covariance = Covariance(
+                covariance.ff - part * f * f,
+                covariance.fb - part * f * b,
+                covariance.fd - part * f * d,
+                covariance.bb - part * b * b,
+                covariance.bd - part * b * d,
+                covariance.dd - part * d * d,
+            )
+    shown = state.shown + (changing + staying - state.shown) * dt / max(dt, model.period)
+    std = deviation(model, covariance, age)
+    return JointEstimate(
+        cable + shown, std, age, cable, shown, changing, staying, sensor, covariance, expected, history, since
+    )
+
+
+@kernel
+def predicted(
+    model: JointModel, state: JointEstimate, travel: float, dt: float
+) -> tuple[float, float, float, Covariance]:
+    """The errors f, b, d and their covariance one cycle later, after a `travel` of the cable's joint [rad]."""
+    keeps, stays = exp(-travel / TRAVEL - dt / CHANGES), exp(-dt / CREEPS)
+    variance, before = model.error * model.error, state.covariance
+    grown = sqrt(max(0.0, before.dd)) + model.drift * dt
+    covariance = Covariance(
+        keeps * keeps * before.ff + (1.0 - keeps * keeps) * (1.0 - STAYS) * variance,
+        keeps * stays * before.fb,
+        keeps * before.fd,
+        stays * stays * before.bb + (1.0 - stays * stays) * STAYS * variance,
+        stays * before.bd,
+        grown * grown,
+    )
+    return keeps * state.changing, stays * state.staying, state.sensor, covariance
+
+
+@kernel
+def deviation(model: JointModel, covariance: Covariance, age: float) -> float:
+    """Standard deviation of the joint's angle; without a first value of a sensor there is none, and it is infinite
+    [rad]."""
+    known = sqrt(max(0.0, covariance.ff + 2.0 * covariance.fb + covariance.bb))
+    return known if model.period == 0.0 else known + UNSEEN * max(0.0, age - LATE * model.period)
+
+
+@kernel
+def stride(model: JointModel, dt: float) -> float:
+    """Cycles from one prediction that is remembered to the next: all together reach back over the delay."""
+    return max(1.0, math.ceil(model.delay / (dt * (LENGTH - 2))))
+
+
+@kernel
+def remembered(model: JointModel, state: JointEstimate, cable: float, dt: float) -> tuple[History, float]:
+    """The history with the newest prediction, once it is due, and the cycles since its newest."""
+    since, h = state.since + 1.0, state.history
+    if since < stride(model, dt):
+        return h, since
+    return (h[1], h[2], h[3], h[4], h[5], h[6], h[7], cable), 0.0
+
+
+@kernel
+def cable_then(model: JointModel, history: History, since: float, cable: float, dt: float) -> float:
+    """The cable model's joint a `delay` ago, on a line between the predictions that are remembered [rad]."""
+    back = model.delay / dt
+    if back <= since:
+        return cable if since == 0.0 else cable + (history[LENGTH - 1] - cable) * back / since
+    place = max(0.0, (LENGTH - 1) - (back - since) / stride(model, dt))
+    low = min(LENGTH - 2, math.floor(place))
+    return history[low] + (history[low + 1] - history[low]) * (place - low)

@@ -1,0 +1,112 @@
+"""The estimate of a joint's angle: from the motor through the cable's model, corrected by a sensor."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bowden.core.kernel import compiled
+from bowden.core.nested import flat
+from bowden.core.units import RADIANS
+from bowden.sensing.joint_angle import JointEstimate, JointModel, estimate_start, estimate_step
+
+DT = 1e-3
+ALONE = JointModel(slope=0.9, zero=0.1, play=0.05, error=3.0 * RADIANS)
+IMU = ALONE._replace(period=0.01, delay=0.01, noise=2.0 * RADIANS, drift=RADIANS / 60.0)
+
+
+def strokes(count: int, speed: float = 2.0) -> Any:
+    """A motor's strokes, 0.5 rad either way."""
+    return 0.6 - 0.5 * np.cos(speed * DT * np.arange(count))
+
+
+def followed(model: JointModel, motor: Any, truth: Any, seed: int = 0, until: float = math.inf) -> list[JointEstimate]:
+    """Estimates of a joint that goes as `truth`, with the sensor of the model, whose values end at a time [s]."""
+    random, step = np.random.default_rng(seed), compiled(estimate_step)
+    state, found = estimate_start(model, motor[0]), []
+    every, late = round(model.period / DT), round(model.delay / DT)
+    for k, angle in enumerate(motor):
+        comes = every > 0 and k % every == 0 and k >= late and k * DT < until
+        value = truth[k - late] + model.noise * random.standard_normal() + model.drift * k * DT if comes else math.nan
+        state = step(model, state, angle, value, DT)
+        found.append(state)
+    return found
+
+
+def cable(model: JointModel, motor: Any) -> Any:
+    """The cable model's own joint."""
+    return np.array([one.cable for one in followed(model._replace(period=0.0), motor, motor)])
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=50))
+@settings(deadline=None)
+def test_the_cable_alone_is_a_play(motors: list[float]) -> None:
+    """The joint stays within its play, and moves no further than slope times the motor."""
+    state = estimate_start(ALONE, motors[0])
+    for motor in motors:
+        before, state = state, estimate_step(ALONE, state, motor, math.nan, DT)
+        assert abs(state.angle - ALONE.slope * (motor - ALONE.zero)) <= ALONE.play + 1e-12
+        assert state.std == pytest.approx(ALONE.error)
+        assert state.age == math.inf
+        assert abs(state.angle - before.angle) <= abs(ALONE.slope * (motor - ALONE.zero) - before.angle) + 1e-12
+
+
+def test_a_sensor_without_noise_is_followed_with_its_delay_taken_out() -> None:
+    """On a cable whose model is 5° off, 30 ms late: the error is gone within a second and stays so in motion."""
+    model = IMU._replace(delay=0.03, noise=1e-4, drift=0.0)
+    motor = strokes(4000)
+    truth = cable(model, motor) + 5.0 * RADIANS
+    errors = np.array([one.angle for one in followed(model, motor, truth)]) - truth
+    assert np.abs(errors[1000:]).max() < 0.1 * RADIANS
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_error_is_below_the_noise_and_within_its_standard_deviation(seed: int) -> None:
+    motor = strokes(20_000)
+    truth = cable(IMU, motor) + 3.0 * RADIANS
+    found = followed(IMU, motor, truth, seed)[2000:]
+    errors = np.array([one.angle for one in found]) - truth[2000:]
+    deviation = np.array([one.std for one in found])
+    assert np.sqrt(np.mean(errors**2)) < 0.6 * IMU.noise
+    assert np.mean(np.abs(errors) < 2.0 * deviation) > 0.9
+
+
+def test_drift_is_borne_by_the_cable_s_model() -> None:
+    """After ten minutes the sensor is 10° off, and the estimate less than half of that."""
+    model, motor = IMU._replace(noise=0.5 * RADIANS), strokes(600_000, 1.0)
+    truth = cable(model, motor)
+    assert abs(followed(model, motor, truth)[-1].angle - truth[-1]) < 5.0 * RADIANS
+
+
+def test_a_sensor_that_stops_leaves_the_prediction_with_growing_deviation() -> None:
+    motor = strokes(4000)
+    truth = cable(IMU, motor)
+    deviation = [one.std for one in followed(IMU, motor, truth, until=2.0)]
+    assert deviation[1990] < 1.5 * RADIANS
+    assert all(after >= before for before, after in pairwise(deviation[2000:]))
+    assert deviation[-1] > 15.0 * RADIANS
+
+
+def test_a_value_that_cannot_be_is_not_taken() -> None:
+    """A sensor that jumps by 20° stays out, so that the standard deviation grows until a limit ends the run."""
+    motor = strokes(4000)
+    truth = cable(IMU, motor)
+    lying = truth + np.where(np.arange(4000) >= 2000, 20.0 * RADIANS, 0.0)
+    found = followed(IMU, motor, lying)
+    after = np.array([one.angle for one in found[2000:3000]])
+    assert np.abs(after - truth[2000:3000]).max() < 4.0 * RADIANS
+    assert found[2990].std > 8.0 * RADIANS
+
+
+def test_compiled_and_interpreted_are_one() -> None:
+    motor = strokes(200)
+    state = other = estimate_start(IMU, motor[0])
+    for k, angle in enumerate(motor):
+        value = angle if k % 10 == 0 else math.nan
+        state = estimate_step(IMU, state, angle, value, DT)
+        other = compiled(estimate_step)(IMU, other, angle, value, DT)
+        assert flat(state) == pytest.approx(flat(other), rel=1e-12, abs=1e-14)
