@@ -20,7 +20,6 @@ from bowden.control.conditioning import condition_start, condition_step
 from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
-from bowden.export import cortex
 from bowden.export.files import files
 from bowden.export.law import law_module
 from bowden.export.module import Module
@@ -34,6 +33,7 @@ from bowden.sim.emg import contractions
 from bowden.sim.run import inputs_of, simulate
 from hand_c import compiler
 from measure import by_turns, machine, table, write_rows
+from support import cortex
 
 Array = NDArray[np.float64]
 TIMED, INTERPRETED, ON_CHIP, ROUNDS = 20_000, 1_000, 2_000, 15
@@ -100,7 +100,7 @@ detector_real detector_step(
 }
 """,
 }
-"""What `bowden.export.cortex` measures is a law: the first number of its sample is the signal here."""
+"""What `support.cortex` measures is a law: the first number of its sample is the signal here."""
 
 
 class Subject(NamedTuple):

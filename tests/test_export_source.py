@@ -26,7 +26,7 @@ from bowden.core.quantity import Quantity
 from bowden.export.files import files
 from bowden.export.kinds import identifier
 from bowden.export.law import law_module
-from bowden.export.module import Argument, Module, Public
+from bowden.export.module import Constant, Module, Public
 from bowden.export.parts import emg_modules, safety_module
 from bowden.safety.limits import Limits
 from bowden.sensing.envelope import PLAIN_THRESHOLD
@@ -123,10 +123,9 @@ EVERYTHING = everything, Memory((0.0,) * 4, Pair(0.0), Mode.OFF, False, 0, 0.0)
 
 def module_of_everything() -> Module:
     step, state = EVERYTHING
-    numbers = Argument("x", 0.0), Argument("y", 0.0)
-    given = Argument("count", 3, constant=True), Argument("state", state), *numbers
+    given = {"count": Constant(3), "state": state, "x": 0.0, "y": 0.0}
     begins = ("start", state, 0.123, "Before the first.")
-    return Module("all", "", (Public("step", step, given, ("state", "return"), ""),), begins=begins)
+    return Module("all", "", (Public("step", step, ("state", "return"), "", given),), begins=begins)
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")

@@ -11,7 +11,7 @@ import jinja2
 from bowden.core.nested import leaves
 from bowden.export.function import called
 from bowden.export.kinds import Kind, Row, Struct, comment, identifier, is_number, kind_of, reached
-from bowden.export.module import Module, Public
+from bowden.export.module import Constant, Module, Public
 from bowden.export.unit import LONGEST, Unit
 
 
@@ -25,7 +25,7 @@ def files(module: Module, preamble: str, *, single: bool = False) -> dict[str, s
     header = {unit.type(enum) for enum in module.enums}
     functions = []
     for one in module.functions:
-        kinds = [argument.kind for argument in one.arguments if not argument.constant]
+        kinds = [kind for name, kind in one.kinds.items() if not isinstance(one.given.get(name), Constant)]
         header |= {unit.type(inner) for kind in (*kinds, *results_of(unit, one)[1]) for inner in _within(kind)}
         functions.append(_public(unit, one))
     if module.begins:
@@ -66,7 +66,7 @@ def _within(kind: Kind) -> Iterator[Kind]:
 
 def results_of(unit: Unit, one: Public) -> tuple[str, list[Kind], Kind]:
     """The kernel's name, and the kinds of its results, apart and as a whole."""
-    name, result = called(unit, one.kernel, tuple(argument.kind for argument in one.arguments))
+    name, result = called(unit, one.kernel, tuple(one.kinds.values()))
     return name, [result] if len(one.results) == 1 else [kind for _, kind in result.fields], result
 
 
@@ -76,15 +76,15 @@ def _public(unit: Unit, one: Public) -> tuple[str, str]:
     results = {to: unit.type(kind) for to, kind in zip(one.results, kinds, strict=True)}
     returned = results.pop("return", "void")
     read, given = [], []
-    for argument in one.arguments:
-        text, mark = identifier(argument.name), "" if is_number(argument.kind) else "*"
-        if argument.constant:
-            text = unit.constant("", argument.name, argument.example, argument.said)
+    for argument, kind in one.kinds.items():
+        text, mark, value = identifier(argument), "" if is_number(kind) else "*", one.given.get(argument)
+        if isinstance(value, Constant):
+            text = unit.constant("", argument, value.value, value.said)
             given.append(f"{mark and '&'}{text}")
             continue
         given.append(text)
-        if argument.name != "state":
-            read.append(f"const {unit.type(argument.kind)} {mark}{text}")
+        if argument != "state":
+            read.append(f"const {unit.type(kind)} {mark}{text}")
     written = [f"{type_} *{to}" for to, type_ in results.items()]
     first = int("state" in results)
     signature = ", ".join([*written[:first], *read, *written[first:]]) or "void"
