@@ -1,12 +1,9 @@
-"""A cycle of each law and a sample of the detector: interpreted, compiled, exported, on a Cortex-M4F; ``make bench``.
-
-That all three give the same is tests/test_export_law.py's and tests/test_export_parts.py's. With names only these are
-run, and nothing is written.
-"""
+"""A cycle of each law and a sample of the detector, interpreted, compiled, exported, on a Cortex-M4F; of names only those."""
 
 import argparse
 import ctypes
 import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -33,6 +30,8 @@ from bowden.sim.emg import contractions
 from bowden.sim.run import inputs_of, simulate
 from hand_c import compiler
 from measure import by_turns, machine, table, write_rows
+
+sys.path.append(str(Path(__file__).parents[1] / "tests"))
 from support import cortex
 
 Array = NDArray[np.float64]
