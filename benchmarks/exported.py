@@ -1,4 +1,4 @@
-"""A cycle of each law and a sample of the detector, interpreted, compiled, exported, on a Cortex-M4F; of names only those."""
+"""A cycle of each law and a sample of the detector: interpreted, compiled, exported, on a Cortex-M4F."""
 
 import argparse
 import ctypes

@@ -41,20 +41,21 @@ void loop_emg(const int muscle, const double value)
 
     if (!heard[muscle]) {
         [[detector]]_start(&muscles[muscle], ([[detector]]_real)value);
-{% if proportional %}
-        envelope_start(&envelope, (envelope_real)value);
-{% endif %}
     }
     contracts[muscle] = [[detector]]_step(&muscles[muscle], ([[detector]]_real)value, &found);
     troubled[muscle] = found != 0;
 {% if proportional %}
     if (muscle == 0) {
         envelope_real signal;
+        if (!heard[0]) {
+            envelope_start(&envelope, (envelope_real)value);
+        }
         const double level = (double)envelope_step(&envelope, (envelope_real)value, &signal);
         share = (float)((level - [[levels.rest]]) / ([[levels.mvc]] - [[levels.rest]]));
     }
 {% endif %}
-    heard[muscle] = fresh[muscle] = true;
+    heard[muscle] = true;
+    fresh[muscle] = fresh[muscle] || isfinite(value);
 }
 
 /* The age of the newest sample: the older muscle's; a bad signal away from rest ages after a second. */
@@ -65,7 +66,7 @@ static double age_of_emg(const double elapsed)
     bool bad = false;
 
     for (int i = 0; i < LOOP_MUSCLES; ++i) {
-        emg_age[i] = !heard[i] ? INFINITY : fresh[i] ? 0.0 : emg_age[i] + elapsed;
+        emg_age[i] = fresh[i] ? 0.0 : emg_age[i] + elapsed;
         fresh[i] = false;
         age = emg_age[i] > age ? emg_age[i] : age;
         bad = bad || troubled[i];
@@ -142,6 +143,11 @@ void loop_begin(void)
     safety_ThermalState warmth;
     safety_DriveReading reading;
 
+{% if detector %}
+    for (int i = 0; i < LOOP_MUSCLES; ++i) {
+        emg_age[i] = INFINITY;
+    }
+{% endif %}
     board_begin();
     mode = SAFETY_MODE_STOPPED;
     reading = observe(0.0, LOOP_PERIOD).reading;
