@@ -67,7 +67,7 @@ void steps(const double *values, long count, double *out)
 {
     static onset_OnsetState state;
     onset_Trouble trouble;
-    onset_start(&state, (onset_real)values[0]);
+    onset_start(&state);
     for (long k = 0; k < count; ++k)
         out[k] = (double)onset_step(&state, (onset_real)values[k], &trouble);
 }
@@ -88,7 +88,8 @@ detector_real detector_step(
 #include "detector.h"
 void detector_start(detector_LawState *state, const detector_Sample *sample)
 {
-    onset_start(state, sample->value);
+    (void)sample;
+    onset_start(state);
 }
 detector_real detector_step(
     detector_LawState *state, const detector_Sample *sample, const detector_Reference *reference)

@@ -33,7 +33,7 @@ def exported_emg(rate: float, values: Array, folder: Path, *, single: bool = Fal
     rows = np.column_stack([np.arange(len(values)) == 0, values])
     envelope, onset = emg_modules(rate)
     chain = Exported(envelope, "step", "envelope_start(&state, value)", folder, single=single).over(rows)
-    found = Exported(onset, "step", "onset_start(&state, value)", folder, single=single).over(rows)
+    found = Exported(onset, "step", "onset_start(&state)", folder, single=single).over(rows)
     return np.column_stack([chain[:, -2:], found[:, -2:], found[:, -3]])
 
 

@@ -65,9 +65,6 @@ class Module:
     """Whose members a caller needs."""
     numbers: dict[str, tuple[float, str]] = field(default_factory=dict)
     """Name → another number that a caller needs, and what it means."""
-    begins: tuple[str, Any, Any, str] | None = None
-    """Name, state, and what the function is: a function that sets a state which was worked out here, whose fields with
-    the value of the second are those of its one argument."""
 
     @property
     def public(self) -> set[str]:

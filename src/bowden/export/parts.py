@@ -1,6 +1,8 @@
 """What stands round a law on the chip: the EMG detector before it, the safety gate behind it."""
 
 import inspect
+import math
+from typing import Any
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
@@ -23,8 +25,12 @@ from bowden.sensing.envelope import DEFAULTS, envelope_start, envelope_step, pre
 from bowden.sensing.wearer_file import MuscleCalibration
 
 UNFILTERED = Filters()
-_FIRST = 0.7072067811865476
-"""Stands for a first sample, to find out what becomes of it: a number that nothing else has."""
+
+
+@kernel
+def begun(begin: Any) -> Any:
+    """The state that was worked out in Python."""
+    return begin
 
 
 def emg_modules(
@@ -50,20 +56,25 @@ def emg_modules(
     detector = kind.prepared(rate, settings)
     chain = Constant(prepare_envelope(rate, smoothing), "the filters' sections")
     detection, *_ = inspect.signature(kind.step).parameters
-    detected = {detection: Constant(detector, "the detector at this rate"), "state": kind.start(detector, 0.0)}
+    before = {"begin": Constant(kind.start(detector, math.nan), "a state before the first sample")}
+    detected = {detection: Constant(detector, "the detector at this rate"), "state": before["begin"].value}
     smoothed = "One sample: its envelope, and the signal without offset and mains, in the signal's own unit."
     active = "One sample, NAN if missing: 1 in a contraction; trouble is 1 for flat, 2 for movement or mains."
     envelope = Module(
         "envelope",
         f"The envelope of an EMG signal of {rate:g} samples a second.",
-        [Public("step", envelope_step, ("state", "signal", "return"), smoothed, {"chain": chain})],
-        begins=("start", envelope_start(_FIRST), _FIRST, "Before the first sample."),
+        [
+            Public("start", envelope_start, ("state",), "Before the first sample."),
+            Public("step", envelope_step, ("state", "signal", "return"), smoothed, {"chain": chain}),
+        ],
     )
     onset = Module(
         identifier(kind.name),
         f"Contractions in an EMG signal of {rate:g} samples a second.",
-        [Public("step", kind.step, ("state", "return", "trouble"), active, detected)],
-        begins=("start", kind.start(detector, _FIRST), _FIRST, "Before the first sample, NAN if missing."),
+        [
+            Public("start", begun, ("state",), "Before the first sample.", before),
+            Public("step", kind.step, ("state", "return", "trouble"), active, detected),
+        ],
     )
     return envelope, onset
 

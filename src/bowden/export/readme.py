@@ -74,7 +74,7 @@ def pages(
         "period": repr(period),
         "microseconds": f"{period * 1e6:.0f}",
         "detector": detector,
-        "detector_state": "".join(f"{detector}_{type(one.begins[1]).__name__}" for one in modules[-1:] if one.begins),
+        "detector_state": f"{detector}_{modules[-1].functions[-1].kinds['state'].name}" if detector else "",
         "limits": rig.supervisor_limits,
         "emg_rate": repr(rate),
         "muscles": course.intent.muscles,

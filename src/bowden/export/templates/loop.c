@@ -30,8 +30,9 @@ static [[detector_state]] muscles[LOOP_MUSCLES];
 {% if proportional %}
 static envelope_EnvelopeState envelope;
 static volatile float share; /* of the largest contraction */
+static bool heard;
 {% endif %}
-static volatile bool heard[LOOP_MUSCLES], fresh[LOOP_MUSCLES], contracts[LOOP_MUSCLES], troubled[LOOP_MUSCLES];
+static volatile bool fresh[LOOP_MUSCLES], contracts[LOOP_MUSCLES], troubled[LOOP_MUSCLES];
 static double emg_age[LOOP_MUSCLES], trouble; /* since a sample came; since a signal is bad, away from rest [s] */
 static course_CourseState course;
 
@@ -39,22 +40,19 @@ void loop_emg(const int muscle, const double value)
 {
     [[detector]]_Trouble found;
 
-    if (!heard[muscle]) {
-        [[detector]]_start(&muscles[muscle], ([[detector]]_real)value);
-    }
     contracts[muscle] = [[detector]]_step(&muscles[muscle], ([[detector]]_real)value, &found);
     troubled[muscle] = found != 0;
 {% if proportional %}
     if (muscle == 0) {
         envelope_real signal;
-        if (!heard[0]) {
+        if (!heard) {
             envelope_start(&envelope, (envelope_real)value);
         }
+        heard = true;
         const double level = (double)envelope_step(&envelope, (envelope_real)value, &signal);
         share = (float)((level - [[levels.rest]]) / ([[levels.mvc]] - [[levels.rest]]));
     }
 {% endif %}
-    heard[muscle] = true;
     fresh[muscle] = fresh[muscle] || isfinite(value);
 }
 
@@ -145,6 +143,7 @@ void loop_begin(void)
 
 {% if detector %}
     for (int i = 0; i < LOOP_MUSCLES; ++i) {
+        [[detector]]_start(&muscles[i]);
         emg_age[i] = INFINITY;
     }
 {% endif %}
