@@ -33,6 +33,7 @@ from bowden.plants.cable_plant import CablePlant
 from bowden.plants.counting import Counting
 from bowden.plants.identified import CableModel
 from bowden.plants.plant import SheathState
+from bowden.plants.predicted import joint_along
 from bowden.plants.recounted import recounted
 from bowden.sim.run import simulate
 from support.cable_models import MODELS
@@ -216,6 +217,18 @@ def test_a_model_that_lacks_a_parameter_is_refused(name: str) -> None:
         cables.identified(name, {key: value for key, value in MODELS[name].items() if key != lost})
     with pytest.raises(ParameterError, match="'line' is missing"):
         cables.identified("line", MODELS[name])
+
+
+@pytest.mark.parametrize("name", [*MODELS, "sliding", "lumped_coulomb"])
+def test_no_model_looks_ahead(name: str) -> None:
+    """Where the joint is now hangs on where the motor has been, and not on where it will go."""
+    parameters = MODELS.get(name, {"friction": 0.1, "elements": 6.0})
+    motor = 0.5 + 0.4 * np.sin(np.linspace(0.0, 9.0, 60))
+    joint = joint_along(name, parameters, motor)
+    for count in (1, 2, 31):
+        other = np.concatenate((motor[:count], motor[count:] + 0.3))
+        assert joint_along(name, parameters, other)[:count] == pytest.approx(joint[:count], abs=1e-12)
+    assert np.ptp(joint) > 0.3
 
 
 def test_a_lagging_load_follows_the_cable_as_a_first_order_system() -> None:

@@ -38,6 +38,7 @@ from bowden.plants.suit_plant import (
     suit_start,
     suit_step,
 )
+from bowden.plants.suit_push import friction_of
 from bowden.plants.suit_settings import SuitSettings
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
@@ -182,6 +183,9 @@ def test_the_friction_that_a_run_shows_is_that_of_drive_gears_and_sheaths() -> N
     held = SUIT.flexor.stiffness * SUIT.flexor.half_width * (SUIT.spool_radius + made.extensor_radius)
     least = (SUIT.motor.friction + held) / SUIT.motor.efficiency
     assert 0.9 * least < shown < 1.2 * least
+    assert friction_of(SUIT) == pytest.approx(least)
+    capstan = SUIT._replace(flexor=SUIT.flexor._replace(kind="capstan"))
+    assert friction_of(capstan) == pytest.approx(SUIT.motor.friction / SUIT.motor.efficiency)
 
 
 def test_the_feed_forward_of_friction_takes_away_most_of_what_the_pd_drive_leaves() -> None:
