@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from scipy.special import hyp2f1
 
 from bowden.core.kernel import compiled
-from bowden.core.units import DEGREES
 from bowden.models.cable.bouc_wen import BoucWen, joint_angle, saturation, slope_of_h, travel_step
 from bowden.models.cable.bouc_wen import advance as plain_advance
 
@@ -99,29 +98,6 @@ def test_the_laws_single_step_is_close_to_the_exact_one(share: float, scaled: fl
 @pytest.mark.parametrize("travel", [0.0, -0.0, math.nan])
 def test_no_travel_changes_nothing(travel: float) -> None:
     assert advance(0.2, travel, PAPER) == 0.2
-
-
-def test_erratum_5_dead_zone() -> None:
-    """In radians: h saturates at 0.383, and the loop is 2·0.129·0.383 rad = 5.7° high at the joint."""
-    assert saturation(PAPER) == pytest.approx(0.383, abs=5e-4)
-    cycle = 0.6 * np.cos(np.linspace(0.0, 4.0 * np.pi, 4001))
-    h = walk(cycle, PAPER)
-    falling, rising = h[2500], h[3500]  # at mid-stroke
-    dead_zone = abs(PAPER.hysteresis_gain) * (rising - falling) * DEGREES
-    assert dead_zone == pytest.approx(5.66, abs=0.01)
-    assert dead_zone == pytest.approx(2.0 * 0.129 * saturation(PAPER) * DEGREES, rel=1e-6)
-
-
-def test_erratum_6_the_printed_cable_first_moves_the_wrong_way() -> None:
-    """Right after a reversal d(joint)/d(motor) is −0.26 (from h = 0) to −0.32 (from saturation); 0.9° are lost."""
-    bound = saturation(PAPER)
-    for h, expected in ((0.0, -0.256), (bound, -0.323)):
-        slope = PAPER.slope - PAPER.hysteresis_gain * slope_of_h(h, -1.0, PAPER)
-        assert slope == pytest.approx(expected, abs=5e-4)
-    motor = np.linspace(0.0, -0.3, 3001)
-    h = walk(motor, PAPER, bound)
-    joint = np.array([joint_angle(m, v, PAPER) for m, v in zip(motor, h, strict=True)])
-    assert (joint.max() - joint[0]) * DEGREES == pytest.approx(0.9, abs=0.05)
 
 
 def test_a_slower_cable_is_monotone() -> None:
