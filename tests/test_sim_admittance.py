@@ -12,10 +12,9 @@ from bowden.control import LAWS
 from bowden.control.admittance.push import ROOM, push_source, stretched
 from bowden.control.admittance.virtual_elbow import Admittance, admittance_step, beyond_band
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
-from bowden.control.source import TABLE, Measurement
+from bowden.control.source import Measurement
 from bowden.control.stability import servo_model
 from bowden.core.kernel import compiled
-from bowden.core.nested import flat
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 from bowden.design.felt import felt
@@ -272,18 +271,6 @@ def test_a_lost_load_cell_stops_the_reference() -> None:
         speeds.append(reference.velocity)
     assert speeds[199] > 0.5
     assert speeds[-1] < 1e-3
-
-
-def test_a_source_is_the_same_compiled() -> None:
-    for source in (TABLE, push_source(push_of(SUIT, LAWS["bowden"], Admittance(), estimated=True, carried=1.0))):
-        start, step = compiled(source.start_kernel), compiled(source.step_kernel)
-        measured, told = Measurement(0.7, 0.72, 0.5, 1.0), Reference(0.1, 0.2, 0.3)
-        slow, fast = source.start(measured), start(source.settings, measured)
-        for k in range(200):
-            now = Measurement(0.7 + 0.001 * k, 0.7 + 0.0012 * k, np.nan if k == 50 else 0.01 * k, 0.5)
-            slow, *given = source.step(slow, now, told, 1e-3)
-            fast, *twins = step(source.settings, fast, now, told, 1e-3)
-            assert np.array_equal(flat((slow, *given)), flat((fast, *twins)), equal_nan=True)
 
 
 def test_the_table_is_the_reference_that_was_asked_for() -> None:

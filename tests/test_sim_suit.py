@@ -156,27 +156,6 @@ def test_a_frictionless_undamped_suit_keeps_its_energy() -> None:
     assert energy(suit, state) == pytest.approx(first, abs=0.05 * moving)
 
 
-@pytest.mark.parametrize("kind", ["play", "capstan", "bouc_wen"])
-def test_uncompensated_the_elbow_lags_and_the_cables_only_pull(kind: str) -> None:
-    trace = run(kind)
-    for column in ("flexor_tension", "flexor_motor_tension", "extensor_tension", "extensor_motor_tension"):
-        assert trace[column].min() >= 0.0
-    half = (trace.time > 10.0) & (trace.time < 15.0)  # flexing: the elbow is below; then above
-    back = (trace.time > 16.0) & (trace.time < 20.0)
-    assert np.mean(trace.error[half]) < -5.0 * RADIANS
-    assert np.mean(trace.error[back]) > 3.0 * RADIANS
-    assert np.max(np.abs(trace["current"])) <= SUIT.motor.current_limit
-
-
-def test_electrical_is_mechanical_power_and_heat_and_the_winding_warms() -> None:
-    trace = run()
-    mechanical, electrical = trace.power()
-    np.testing.assert_allclose(electrical - mechanical, 0.199 * trace["current"] ** 2, atol=1e-9)
-    warmed = trace["winding_temperature"][-1] - trace["winding_temperature"][0]
-    heat = np.trapezoid(0.199 * trace["current"] ** 2, trace.time)
-    assert 0.2 * heat / 15.0 < warmed < 1.1 * heat / 15.0  # 15 J/K, less what has gone to the housing
-
-
 def test_the_friction_that_a_run_shows_is_that_of_drive_gears_and_sheaths() -> None:
     """(F + k·r·(r_f + r_e))/η and the gears' loss on what the cables carry, of which the spool's F is the most."""
     shown, made = spool_friction(run(), 10.0), prepare_suit(SUIT)
@@ -186,13 +165,6 @@ def test_the_friction_that_a_run_shows_is_that_of_drive_gears_and_sheaths() -> N
     assert friction_of(SUIT) == pytest.approx(least)
     capstan = SUIT._replace(flexor=SUIT.flexor._replace(kind="capstan"))
     assert friction_of(capstan) == pytest.approx(SUIT.motor.friction / SUIT.motor.efficiency)
-
-
-def test_the_feed_forward_of_friction_takes_away_most_of_what_the_pd_drive_leaves() -> None:
-    told = SUIT._replace(motor=SUIT.motor._replace(friction_feedforward=spool_friction(run(), 10.0)))
-    helped = simulate(told, LAWS["uncompensated"], MOTION, duration=20.0)
-    left, before = (float(np.max(np.abs(trace.error[trace.time > 10.0]))) for trace in (helped, run()))
-    assert left < 0.5 * before
 
 
 UNEVEN = SUIT._replace(
