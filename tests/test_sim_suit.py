@@ -179,6 +179,12 @@ PUSHING = Wearer(0.3, 0.5, 5.0, 2.0, 0.7, 1.2, 1.5)
 tensions = st.floats(0.0, 200.0)
 
 
+def test_friction_has_of_the_feeders_drag_the_mean_of_both_ways() -> None:
+    smooth, made = UNEVEN._replace(flexor=UNEVEN.flexor._replace(half_width=0.0)), prepare_suit(UNEVEN)
+    ways = [UNEVEN.motor.friction + drag for drag in (made.map.radius * 30.0, made.extensor_radius * 20.0)]
+    assert friction_of(smooth) * UNEVEN.motor.efficiency == pytest.approx(np.mean(ways))
+
+
 @given(st.floats(-0.3, 2.8), st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.tuples(*[tensions] * 4), st.booleans())
 def test_a_sub_step_is_newtons_law_at_spool_and_elbow_under_the_cables_pull(
     joint: float, speed: float, spool_speed: float, pulls: tuple[float, float, float, float], powered: bool
