@@ -163,6 +163,28 @@ def test_the_current_is_what_spool_and_spring_need_through_the_slope_that_is_lef
         assert substep.acceleration_limit == pytest.approx(min(limit, most))
 
 
+@pytest.mark.parametrize("servo", [Servo(54.4, 0.6), Servo(54.4, 0.6, 4.0, 300.0)], ids=["free", "limited"])
+@pytest.mark.parametrize(
+    "plant",
+    [Bench(), *(CablePlant(CABLES[name]) for name in ("play", "stack", "bouc_wen"))],
+    ids=lambda plant: plant.dynamics().name,
+)
+def test_a_cable_that_pulls_both_ways_alike_knows_no_side(plant: Any, servo: Servo) -> None:
+    """Mirrored commands move the joint to the mirrored angles, through turns and at the servo's limits."""
+    there, back = (
+        simulate(
+            plant._replace(servo=servo, substeps=7),
+            LAWS["uncompensated"],
+            PeriodicMinimumJerk(0.0, way * 0.8, 0.4),
+            duration=2.0,
+        )
+        for way in (1.0, -1.0)
+    )
+    for column in ("joint", "motor"):
+        np.testing.assert_allclose(back[column], -there[column], rtol=0.0, atol=1e-12)
+    assert np.ptp(there["joint"]) > 0.1
+
+
 def test_a_wider_sheath_widens_the_play() -> None:
     sheath = Sheath(bend=1.0)
     narrow, wide = (
