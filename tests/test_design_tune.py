@@ -4,6 +4,7 @@ import importlib
 import json
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -289,3 +290,31 @@ def test_an_interrupted_search_leaves_its_best_gains(
     text = Path("rig.toml").read_text(encoding="utf-8")
     assert "found, interrupted after 0 generations, for a servo of" in text
     assert tomllib.loads(text)["control"]["gains"]
+
+
+@pytest.mark.usefixtures("small_search")
+def test_a_gain_at_a_bound_is_named_and_whoever_tunes_once_more_goes_on_from_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for module in ("tune", "tune_result"):
+        monkeypatch.setattr(f"bowden.design.{module}.REACH", 0.2)
+    monkeypatch.setattr("bowden.design.tune._SPREADS", (0.2,))
+    slack = ADAPTIVE.with_gains(feedback_gain=0.5 * ADAPTIVE.numbers["feedback_gain"])
+    first = tune(BENCH, slack, generations=2)
+    (said,) = (text for text in first.at_bounds if text.startswith("feedback_gain"))
+    assert said.endswith("tune once more, to go on from there")
+    assert "at a bound  feedback_gain" in repr(first)
+    again = tune(BENCH, first.law, generations=2)
+    assert again.law.numbers["feedback_gain"] > first.law.numbers["feedback_gain"]
+
+
+@pytest.mark.usefixtures("small_search")
+def test_a_gain_at_the_laws_own_limit_is_named_with_what_it_means() -> None:
+    most = 0.7 * ADAPTIVE.numbers["feedback_gain"]
+    bounded = replace(ADAPTIVE, limits={**ADAPTIVE.limits, "feedback_gain": (1.0, most)})
+    found = tune(BENCH, bounded.with_gains(feedback_gain=0.5 * most), generations=2)
+    assert found.law.numbers["feedback_gain"] == most
+    (said,) = (text for text in found.at_bounds if text.startswith("feedback_gain"))
+    assert "is the largest value that the law takes" in said
+    free = tune(BENCH, replace(found.law, limits=ADAPTIVE.limits), generations=2)
+    assert free.worst_rmse < found.worst_rmse
