@@ -104,7 +104,7 @@ class Tuning:
                     f"{name} = {value:g} is the {end} value that the law takes: {beyond} of it might follow better, "
                     "and no longer search will find that"
                 )
-            elif begun not in (0.0, value) and abs(math.log(value / begun)) > REACH - _ROUNDED:
+            elif begun not in (0.0, value) and abs(math.log(value / begun)) > _NEAR * REACH:
                 yield (
                     f"{name} = {value:g} is as far from {begun:g} as one search goes: tune once more, to go on from "
                     "there"
@@ -136,8 +136,8 @@ class Tuning:
         return shown.fragment(f"Tuning of {self.law.name}", tuning_rows(self), figure)
 
 
-_ROUNDED = 0.005
-"""A gain has three digits."""
+_NEAR = 0.95
+"""Share of its reach from which on a search may have been held back: it draws anew what would go beyond [–]."""
 
 
 def tuning_rows(tuning: Tuning) -> list[tuple[str, str]]:
