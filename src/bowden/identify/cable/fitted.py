@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -218,7 +219,7 @@ class Fitted:
         """Of the log, or of all logs."""
         return ", ".join(one.name for one in self.logs)
 
-    @property
+    @cached_property
     def forecast(self) -> Forecast | None:
         """The joint's error with the recommended model as feed-forward, and without any; None of several logs and of a
         known model."""
