@@ -23,7 +23,7 @@ from bowden.hardware.twin.injection import OF_CABLE, OF_LOAD_CELL, Injection, pa
 from bowden.hardware.twin.node import Journal, TwinNode
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.sensor_node import SensorNode
-from bowden.hardware.twin.serial_port import serial_port
+from bowden.hardware.twin.serial_port import bus_of_twin
 
 TICK = 1e-3
 """Longest wait [s]."""
@@ -59,8 +59,7 @@ class Twin:
         self._claim = claim(place.interface, place.channel, f"node {node_id}")
         self._bus: can.BusABC | None = None
         try:
-            self._bus = open_bus(place, create=True)
-            self._line = serial_port(place)
+            self._bus = bus_of_twin(place, create=True)
             self._control = ControlServer(self.path)
         except BaseException:
             self._claim.close()
@@ -110,8 +109,6 @@ class Twin:
         if self._own_bus is not None:
             self._own_bus.shutdown()
             self._own_bus = None
-        if self._line is not None:
-            self._line.close()
         self._control.close()
         self._claim.close()
 
@@ -146,7 +143,7 @@ class Twin:
             self._note(now, "bus_off", "")
         elif not off and self._bus is None:
             with contextlib.suppress(DriveError):
-                self._bus = open_bus(self._place)
+                self._bus = bus_of_twin(self._place, create=False)
                 self._note(now, "bus_on", "")
 
     def _send_apart(self, cob_id: int, data: bytes) -> None:

@@ -63,10 +63,7 @@ class AkParameters(NamedTuple):
             le=1000.0,
         ),
     ] = 20e-3
-    no_limb: Annotated[
-        bool,
-        Quantity("true where no limb can be in the rig; such a drive is powered on no other, as its timeout is unseen"),
-    ] = False
+    no_limb: on_can.NoLimb = False
     temperature_zero: Annotated[
         Literal[0, 40], Quantity("what the drive's temperature byte says at 0 °C: 40 by later editions of its manual")
     ] = 0
