@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError, ParameterError, SafetyError
 from bowden.core.signals import DriveReading
+from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.drives import ak_drive
 from bowden.hardware.drives.ak_frames import (
     ENTER,
@@ -47,6 +48,26 @@ def found(readings: list[DriveReading]) -> set[float]:
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ak_drive, "LISTENING", 0.02)
+
+
+class Uploading:
+    """A drive that says where it is by itself, and answers nothing in MIT mode."""
+
+    def __init__(self, loop: DriverLoop, number: int) -> None:
+        self._loop, self._number = loop, number
+
+    def receive(self, identifier: int, data: bytes, now: float) -> None: ...
+
+    def tick(self, now: float) -> None:
+        self._loop.put(EXTENDED | 0x2900 | self._number, bytes(8))
+
+
+def test_servo_mode_and_a_board_v3_are_refused_by_name() -> None:
+    loop = DriverLoop(DRIVE)
+    loop.inject("silence")
+    loop.attach(Uploading(loop, DRIVE.node_id))
+    with pytest.raises(DriveError, match="in servo mode, or is a board V3"):
+        loop.drive.bring_up()
 
 
 COMMANDS = st.builds(

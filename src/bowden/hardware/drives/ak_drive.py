@@ -18,7 +18,7 @@ import time
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
-from bowden.hardware.buses.place import REMOTE
+from bowden.hardware.buses.place import EXTENDED, REMOTE
 from bowden.hardware.drives import ak_frames as frames
 from bowden.hardware.drives.checklist import Conversation, Found, data_of, joined, refuse_torque
 from bowden.hardware.drives.driver import Driver
@@ -30,6 +30,9 @@ from bowden.hardware.drives.scale import LimitedRange, bounded_torque, motor_lim
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
+UPLOAD = 0x29
+"""Packet number with which a board in servo mode, and one of V3, uploads its state by itself (CubeMars, "AK Series
+Actuator Driver Manual" V1.0.8, 5.2; "AK Series Module Product Manual" V3.0.0, 4.3.1)."""
 MOST_UNANSWERED = 16
 """Commands that are waited for at most; what is older than these is lost."""
 LISTENING = 1.0
@@ -117,6 +120,15 @@ class AkDrive(Driver):
                 )
             if reply.number == drive.node_id:
                 return reply
+        upload = EXTENDED | UPLOAD << 8 | drive.node_id
+        if bus.wait(drive.answer_timeout, data_of(upload)) is not None:
+            raise DriveError(
+                f"{bus.name} uploads its state by itself (frames {upload & ~EXTENDED:X}h): it is in servo mode, or "
+                "is a board V3",
+                expected="a board V1 or V2 in MIT mode",
+                do="set MIT mode with its maker's tool; a board V3 is not run: its frames are others, and an order to "
+                "leave motor mode would be a command there",
+            )
         raise DriveError(
             f"no drive replies as {bus.name}",
             expected=f"an AK drive in MIT mode, whose replies have the identifier {self._reply_id:03X}h",
@@ -125,7 +137,8 @@ class AkDrive(Driver):
         )
 
     def _concerns(self, identifier: int) -> bool:
-        return identifier in (self._drive.node_id, self._reply_id)
+        number = self._drive.node_id
+        return identifier in (number, self._reply_id, EXTENDED | UPLOAD << 8 | number)
 
     def _is_it(self, identifier: int, data: bytes) -> bool:
         """Whether a frame is a reply of this drive."""
