@@ -44,8 +44,7 @@ KIND = SensorKind(
 JointSource = Annotated[
     Literal["cia406", "none"],
     Quantity(
-        "where the joint's angle comes from: cia406, a CANopen encoder of its own on the same bus; none, from nowhere, "
-        "and then nothing can run"
+        "what measures the joint: cia406, a CANopen encoder of its own on the same bus; none, and then nothing can run"
     ),
 ]
 JointNode = Annotated[int, Quantity("number of the joint's encoder on the bus", ge=1, le=126)]
