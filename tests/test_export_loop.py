@@ -14,12 +14,12 @@ import pytest
 import bowden
 from bowden.core.signals import Reference
 from bowden.cycle.one_cycle import Cycle, Plan, TargetSource
+from bowden.export.counts import Counts, counts_of, joint_angle, motor_angle, motor_counts
 from bowden.export.readme import FLAGS
 from bowden.hardware.ports import Power
 from bowden.live.row import NOTHING_READ
 from bowden.models.drive.thermal import cold
 from bowden.operations.export import limits_of
-from bowden.rig.counts import Counts, counts_of, joint_angle, motor_angle, motor_counts
 from bowden.safety.faults import Fault, Reaction
 from bowden.safety.state import Mode, Observed, PreflightResult, Request
 from loop_rig import twin_bench
@@ -205,6 +205,16 @@ def test_a_joint_reading_that_stays_away_releases(board: Board) -> None:
 
 def test_a_preflight_that_failed_never_runs(board: Board) -> None:
     assert Mode.RUNNING not in modes(list(board.run(2000, preflight=-1.0)))
+
+
+def test_a_contraction_flexes_the_joint(tmp_path: Path) -> None:
+    board, random = Board(tmp_path / "code", emg=True), np.random.default_rng(2)
+    size = np.where(np.arange(9000) // 500 == 10, 20.0, 1.0)  # a contraction of half a second, after the way to rest
+    told = [board.step(REQUESTS.get(k, Request.NONE), emg=size[k] * random.normal()) for k in range(9000)]
+    position = np.array([row["position"] for row in told])
+    assert np.nanmax(position[:5000]) == pytest.approx(RIG.emg.low, abs=0.01)
+    assert position[-1] == pytest.approx(RIG.emg.high, abs=1e-6)
+    assert told[-1]["joint"] == pytest.approx(RIG.emg.high, abs=np.radians(2.0))
 
 
 def test_emg_that_falls_silent_stops_after_its_limit(tmp_path: Path) -> None:

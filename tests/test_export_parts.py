@@ -11,7 +11,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import flat, unflatten_like
 from bowden.core.signals import DriveReading
-from bowden.export.module import Argument, Module, Public
+from bowden.export.module import Constant, Module, Public
 from bowden.export.parts import emg_modules, safety_module
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.faults import Fault, Reaction
@@ -33,7 +33,7 @@ def exported_emg(rate: float, values: Array, folder: Path, *, single: bool = Fal
     rows = np.column_stack([np.arange(len(values)) == 0, values])
     envelope, onset = emg_modules(rate)
     chain = Exported(envelope, "step", "envelope_start(&state, value)", folder, single=single).over(rows)
-    found = Exported(onset, "step", "onset_start(&state, value)", folder, single=single).over(rows)
+    found = Exported(onset, "step", "onset_start(&state)", folder, single=single).over(rows)
     return np.column_stack([chain[:, -2:], found[:, -2:], found[:, -3]])
 
 
@@ -154,10 +154,9 @@ def test_exported_gate_gives_the_bits_of_python(count: int, tmp_path: Path) -> N
 @pytest.mark.long
 def test_the_intent_of_two_muscles_that_overlap_gives_the_bits_of_python(tmp_path: Path) -> None:
     state, two = intent_start(0.0), IntentSettings(muscles=2)
-    muscles = Argument("flexes", False), Argument("extends", False), Argument("dt", DT)
-    given = Argument("settings", two, constant=True), Argument("state", state), *muscles
-    begin_ = Public("start", intent_start, (Argument("position", 0.0),), ("state",), "")
-    module = Module("intent", "", (begin_, Public("step", intent_step, given, ("state", "reference"), "")))
+    begin_ = Public("start", intent_start, ("state",), "")
+    step = Public("step", intent_step, ("state", "reference"), "", {"settings": Constant(two)})
+    module = Module("intent", "", (begin_, step))
     time = np.arange(12000) * DT
     on = np.column_stack([time % 3.1 < 1.2, (time + 2.3) % 3.1 < 1.2])
     rows = np.column_stack([np.arange(12000) == 0, on, np.full(12000, DT)])

@@ -14,7 +14,7 @@ from bowden.core.units import DEGREES
 from bowden.drawing import style
 from bowden.drawing.style import COLOURS, thin
 from bowden.paper.bench import run_bench
-from bowden.plants.presets.bench import calibration
+from bowden.plants.presets.paper import calibration
 from bowden.records.trace import Trace
 
 _SECONDS = 60.0

@@ -1,20 +1,26 @@
-"""Does this law hold on this bench? Margins over all slopes of the sheath, limit cycle, chatter, proof and trial."""
+"""Do the laws of a joint hold? Margins over all slopes of the sheaths, limit cycle, chatter, proof and trial."""
 
+import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.core.errors import ParameterError
 from bowden.core.nested import flat, from_columns, names
 from bowden.core.signals import Sample
-from bowden.core.units import RADIANS
+from bowden.core.units import DEGREES, RADIANS
 from bowden.design.check_result import (
     ENOUGH_DB,
     ENOUGH_DEG,
     Check,
     Estimates,
     Point,
+    SharedFindings,
+    TautLoop,
     VerdictName,
     confirmed_by,
     swing_of,
@@ -25,6 +31,15 @@ from bowden.design.linearise import LawModel, find_estimates, linearise
 from bowden.design.trial import MOVING, Trial, run_trial, settled_after
 from bowden.plants.plant import Plant, changed
 from bowden.plants.transmission import transmission
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Bends = tuple[float, ...]
+"""Of each motor's sheath [rad]."""
+Laws = Sequence[Law]
+"""Of each motor."""
+Visited = tuple[Estimates, ...]
+"""Estimates of each motor's law at one time."""
 
 STROKE = (0.0, 70.0 * RADIANS)
 """Of the trial, where none is given [rad]."""
@@ -42,6 +57,90 @@ _AFTER_COUNT = 10
 """Cycles after a count in which the command's largest change is looked for."""
 
 
+@dataclass(frozen=True)
+class Loop:
+    """One linear loop of all motors."""
+
+    point: Point
+    bends: Bends
+    at: str = ""
+    """Which cables are taut, of several."""
+    apart: float = 0.0
+    """The largest pole with which motors part [–]."""
+
+
+class Subject(Protocol):
+    """The motors of one joint, one or several, with a law each: what the check judges as one."""
+
+    @property
+    def laws(self) -> Laws:
+        """Of each motor."""
+        ...
+
+    @property
+    def plants(self) -> Sequence[Plant]:
+        """Of each motor; the first has the joint's encoder."""
+        ...
+
+    @property
+    def stroke(self) -> tuple[float, float]:
+        """Ends of the trials' motion [rad]."""
+        ...
+
+    def trial(self, bends: Bends, moving: float, later: int) -> tuple[Sequence[Trial], float]:
+        """A trial at these bends that moves for so long [s], with further cycles of delay: of each motor, and how far
+        they went apart beyond what is asked [rad]."""
+        ...
+
+    def linear(
+        self, ends: Sequence[Bends], estimates: Sequence[Visited], width: float, *, reversals: bool
+    ) -> list[Loop]:
+        """The linear loops at every bend and slope with every set of estimates, seen through differences of a width."""
+        ...
+
+    def response(self, bends: Bends) -> tuple[Array, Complex]:
+        """Amplitudes and describing function of the joint, all cables taut."""
+        ...
+
+    def dead_zone(self, bends: Bends) -> float:
+        """What the joint loses in a reversal [rad]."""
+        ...
+
+    def most_apart(self) -> float:
+        """How far motors may go apart beyond what is asked [rad]."""
+        ...
+
+
+@dataclass(frozen=True)
+class _OneMotor:
+    """A plant with one motor, of whatever kind."""
+
+    plants: tuple[Plant]
+    laws: tuple[Law]
+    stroke: tuple[float, float]
+    seed: int
+
+    def trial(self, bends: Bends, moving: float, later: int) -> tuple[Sequence[Trial], float]:
+        plant = changed(self.plants[0], delay=self.plants[0].delay + later) if later else self.plants[0]
+        return (run_trial(plant, self.laws[0], bends[0], self.stroke, self.seed, moving),), 0.0
+
+    def linear(
+        self, ends: Sequence[Bends], estimates: Sequence[Visited], width: float, *, reversals: bool
+    ) -> list[Loop]:
+        bends, own = [bend for (bend,) in ends], [values for (values,) in estimates]
+        points = linear_points(*self.plants, *self.laws, bends, own, width, self.stroke, reversals=reversals)
+        return [Loop(point, (point.bend,)) for point in points]
+
+    def response(self, bends: Bends) -> tuple[Array, Complex]:
+        return describing_function(self.plants[0], bends[0], self.stroke)
+
+    def dead_zone(self, bends: Bends) -> float:
+        return transmission(self.plants[0], bends[0], self.stroke).dead_zone
+
+    def most_apart(self) -> float:
+        return math.inf
+
+
 def check(
     bench: Plant,
     law: Law,
@@ -50,13 +149,7 @@ def check(
     stroke: tuple[float, float] = STROKE,
     seed: int = 1,
 ) -> Check:
-    """Judge a law on a bench: `holds`, `little_margin` (below 6 dB or 30°), `limit_cycle` or `does_not_hold`.
-
-    The law is linearised at rest, one encoder count wide, with its estimates frozen at their start and at what they
-    visit in two trials (the ends of the bends, long enough for them to settle), and its margins are taken for every
-    slope that the cable has there. A cable that is steeper after a reversal counts with that slope; one that is flatter
-    is left to the describing function and to the trials: no linear loop with an integral survives a slope of zero. What
-    would hold must stand a part of its margin in a further trial.
+    """Judge a law on a bench: `check_motors` of one motor.
 
     Args:
         bench: with the cable.
@@ -69,68 +162,136 @@ def check(
         ParameterError: gains that are not finite, bends or a stroke that cannot be.
     """
     ends = usable(law, bends or (bench.sheath.bend, bench.sheath.bend), stroke)
-    trials, estimates = _tried(bench, law, tuple(dict.fromkeys(ends)), stroke, seed)
-    count = bench.joint_encoder.resolution or IDEAL
-    points = linear_points(bench, law, ends, estimates, count, stroke)
-    worst = min(points, key=severity)
-    bounded = all(trial.bounded for trial in trials)
-    half = 0.5 * abs(stroke[1] - stroke[0])
-    wide = [] if worst.margins.stable else linear_points(bench, law, ends, estimates, half, stroke, reversals=False)
-    # a memory of the path, such as a model's ĥ, keeps its value: its pole is one but for rounding, and no loop's
-    chatters = bool(wide) and all(point.margins.largest_pole < 1.0 + ROUNDING for point in wide)
     linear = linear_plant(bench, ends, stroke)
-    later = _unstable_with((point for point in points if point.bend == worst.bend), bench.sample_time)
-    alone = linear.alone if bounded and severity(worst) < 1.0 else None
+    found = check_motors(
+        _OneMotor((bench,), (law,), stroke, seed),
+        tuple((bend,) for bend in ends),
+        leaves_out=linear.leaves_out,
+        alone=None if linear.alone is None else _OneMotor((linear.alone,), (law,), stroke, seed),
+    )
+    if law.proven is None or linear.leaves_out:
+        return found
+    seen = transmission(bench, ends[1], stroke)
+    bound = law.proven(law.gains, seen.slope, 0.5 * seen.dead_zone)
+    return replace(found, ultimate_s=bound.filtered_error, ultimate_error=bound.error) if bound else found
+
+
+def check_motors(
+    subject: Subject, ends: Sequence[Bends], *, leaves_out: str = "", alone: Subject | None = None
+) -> Check:
+    """Judge the laws of a joint: `holds`, `little_margin` (below 6 dB or 30°), `limit_cycle` or `does_not_hold`.
+
+    Each law is linearised at rest, one encoder count wide, with its estimates frozen at their start and at what they
+    visit in trials (the ends of the bends, long enough for them to settle), and the joint's margins are taken for every
+    slope that the cables have there. A cable that is steeper after a reversal counts with that slope; one that is
+    flatter is left to the describing function and to the trials: no linear loop with an integral survives a slope of
+    zero. What would hold must stand a part of its margin in a further trial. Trials also show how far several motors
+    part while the joint stands, which no law feeds back: further than a joint at rest may move, and they do not hold.
+
+    Args:
+        subject: the motors with their laws.
+        ends: of the bends of each motor's sheath [rad].
+        leaves_out: what the linear loops leave to the trials, which then alone say whether it holds.
+        alone: what the linear loops then stand for; None where that is the subject.
+    """
+    ends, dt, stroke = tuple(dict.fromkeys(ends)), subject.plants[0].sample_time, subject.stroke
+    trials, estimates, drift = _tried(subject, ends)
+    loops = subject.linear(ends, estimates, subject.plants[0].joint_encoder.resolution or IDEAL, reversals=True)
+    points = tuple(loop.point for loop in loops)
+    deciding = min(loops, key=lambda loop: severity(loop.point))
+    worst, bounded = deciding.point, all(trial.bounded for trial in trials)
+    half = 0.5 * abs(stroke[1] - stroke[0])
+    wide = [] if worst.margins.stable else subject.linear(ends, estimates, half, reversals=False)
+    # a memory of the path, such as a model's ĥ, keeps its value: its pole is one but for rounding, and no loop's
+    chatters = bool(wide) and all(loop.point.margins.largest_pole < 1.0 + ROUNDING for loop in wide)
+    later = _unstable_with((point for point in points if point.bend == worst.bend), dt)
     apart = None
-    if alone is not None and later is not None:
-        apart = run_trial(changed(alone, delay=alone.delay + later), law, worst.bend, stroke, seed)
+    if alone is not None and later is not None and bounded and severity(worst) < 1.0:
+        ((apart,), _) = alone.trial(deciding.bends, MOVING, later)
     refuted = apart is not None and _rests(apart)
     reserve = None
     if refuted:
-        reserve = _stands_delay_of_servo(bench, law, worst.bend, stroke, seed)
-    elif bounded and severity(worst) >= 1.0:
-        reserve = _reserve(bench, law, points, worst.bend, stroke, seed)
-    cycle = None if linear.leaves_out else _predicted_cycle(bench, law, ends, estimates, stroke)
-    verdict, reason = judge(worst, trials, apart, chatters, reserve, refuted=refuted, whole=not linear.leaves_out)
-    if verdict != "does_not_hold" and not linear.leaves_out:
-        zones = [transmission(bench, bend, stroke).dead_zone for bend in dict.fromkeys(ends)]
+        reserve = _stands_delay_of_servo(subject, deciding.bends)
+    elif bounded and severity(worst) >= 1.0 and (per_degree := delay_per_degree(points)) is not None:
+        reserve = _stands_delay(subject, per_degree, deciding.bends)
+    cycle = None if leaves_out else _predicted_cycle(subject, ends, estimates)
+    verdict, reason = judge(worst, trials, apart, chatters, reserve, refuted=refuted, whole=not leaves_out)
+    if verdict != "does_not_hold" and not leaves_out:
+        zones = [zone for bends in ends for zone in [subject.dead_zone(bends)] * len(subject.laws)]
         confirmed = bool(confirmed_by(cycle, swing_of(trials)))
         verdict, reason = at_rest(trials, zones, verdict, reason, confirmed=confirmed)
-    bound = None
-    if law.proven is not None and not linear.leaves_out:
-        found = transmission(bench, ends[1], stroke)
-        bound = law.proven(law.gains, found.slope, 0.5 * found.dead_zone)
+    if verdict != "does_not_hold":
+        verdict, reason = _together(verdict, reason, drift, subject.most_apart())
     return Check(
-        law=law.name,
+        law=subject.laws[0].name,
         verdict=verdict,
         reason=reason,
-        points=tuple(points),
+        points=points,
         worst=worst,
         cycle=cycle,
         trials=trials,
         reserve=reserve,
         chatters=chatters and not refuted,
         command_per_count=max(point.per_count for point in points),
-        ultimate_s=bound.filtered_error if bound else None,
-        ultimate_error=bound.error if bound else None,
-        leaves_out=linear.leaves_out,
+        ultimate_s=None,
+        ultimate_error=None,
+        leaves_out=leaves_out,
         refuted=refuted,
+        shared=None if len(subject.laws) == 1 else _shared(loops, drift if bounded else None),
     )
 
 
-def _tried(
-    bench: Plant, law: Law, bends: tuple[float, ...], stroke: tuple[float, float], seed: int
-) -> tuple[tuple[Trial, ...], list[Estimates]]:
-    """The trials and the estimates that they visit.
+class _Tried(NamedTuple):
+    """What the trials showed."""
 
-    Where there are any that settle later, and the trials stay bounded, longer trials take their place.
-    """
-    for moving in dict.fromkeys((MOVING, max(MOVING, settled_after(law)))):
-        trials = tuple(run_trial(bench, law, bend, stroke, seed, moving) for bend in bends)
-        estimates = visited_estimates(law, trials, bench.sample_time)
-        if not estimates[-1] or not all(trial.bounded for trial in trials):
+    trials: tuple[Trial, ...]
+    """Of each bend and motor, by turns."""
+    estimates: list[Visited]
+    """Where they start, then what the trials visited, the last of them last."""
+    drift: float
+    """How far motors went apart beyond what is asked [rad]."""
+
+
+def _tried(subject: Subject, ends: Sequence[Bends], later: int = 0) -> _Tried:
+    """The trials; longer ones where there are estimates that settle later, and the trials stay bounded."""
+    laws = subject.laws
+    for moving in dict.fromkeys((MOVING, max(MOVING, *map(settled_after, laws)))):
+        trials, drift = list[Trial](), 0.0
+        for bends in ends:
+            found, apart = subject.trial(bends, moving, later)
+            trials, drift = [*trials, *found], max(drift, apart)
+        each = (all_estimates(law, trials[i :: len(laws)], subject.plants[0].sample_time) for i, law in enumerate(laws))
+        visited = [*zip(*each, strict=True)]
+        estimates = [one for i, one in enumerate(visited) if one not in visited[i + 1 :]]
+        if not any(estimates[-1]) or not all(trial.bounded for trial in trials):
             break
-    return trials, estimates
+    return _Tried(tuple(trials), estimates, drift)
+
+
+def _shared(loops: Sequence[Loop], drift: float | None) -> SharedFindings:
+    taut = dict.fromkeys(loop.at for loop in loops)
+    found = tuple(_taut_loop(at, [loop.point for loop in loops if loop.at == at]) for at in taut)
+    return SharedFindings(found, drift, max(loop.apart for loop in loops))
+
+
+def _taut_loop(where: str, points: Sequence[Point]) -> TautLoop:
+    own = [point.margins for point in points]
+
+    def least(name: str) -> float | None:
+        there = [value for one in own if (value := getattr(one, name)) is not None]
+        return min(there) if there and all(one.stable for one in own) else None
+
+    return TautLoop(where, *(least(name) for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s")))
+
+
+def _together(verdict: VerdictName, reason: str, drift: float, most: float) -> tuple[VerdictName, str]:
+    """Whether the motors stay as far apart as they are to be."""
+    if drift <= most:
+        return verdict, reason
+    return "does_not_hold", (
+        f"the motors go apart by {drift * DEGREES:.3g}° beyond the co-contraction, where {most * DEGREES:.3g}° are "
+        "borne: no law feeds back what the joint does not show"
+    )
 
 
 def _rests(apart: Trial) -> bool:
@@ -151,14 +312,6 @@ def _unstable_with(points: Iterable[Point], sample_time: float) -> int | None:
     return None if least is None else int(least / sample_time) + 1
 
 
-def _reserve(
-    bench: Plant, law: Law, points: list[Point], bend: float, stroke: tuple[float, float], seed: int
-) -> bool | None:
-    """True if the trial stands a part of the phase margin as delay, at the fastest crossover and in whole cycles."""
-    per_degree = delay_per_degree(points)
-    return None if per_degree is None else _stands_delay(bench, law, per_degree, bend, stroke, seed)
-
-
 def delay_per_degree(points: Iterable[Point]) -> float | None:
     """Delay that a degree of phase is, at the fastest crossover of all loops [s/deg]; None where nothing limits it."""
     found = [(point.margins.delay_margin_s, point.margins.phase_margin_deg) for point in points]
@@ -170,18 +323,15 @@ def further_delay(per_degree: float, sample_time: float) -> int:
     return int(np.ceil(RESERVE * ENOUGH_DEG * per_degree / sample_time))
 
 
-def _stands_delay(
-    bench: Plant, law: Law, per_degree: float, bend: float, stroke: tuple[float, float], seed: int
-) -> bool:
+def _stands_delay(subject: Subject, per_degree: float, bends: Bends) -> bool:
     """True if the trial stands a part of the phase margin as delay, which has so much for each degree [s/deg]."""
-    further = further_delay(per_degree, bench.sample_time)
-    trials, _ = _tried(changed(bench, delay=bench.delay + further), law, (bend,), stroke, seed)
-    return trials[0].bounded
+    further = further_delay(per_degree, subject.plants[0].sample_time)
+    return all(trial.bounded for trial in _tried(subject, (bends,), further).trials)
 
 
-def _stands_delay_of_servo(bench: Plant, law: Law, bend: float, stroke: tuple[float, float], seed: int = 1) -> bool:
+def _stands_delay_of_servo(subject: Subject, bends: Bends) -> bool:
     """The same at the servo's frequency, beyond which the motor answers to nothing: where no linear loop says it."""
-    return _stands_delay(bench, law, RADIANS / bench.servo.natural_frequency, bend, stroke, seed)
+    return _stands_delay(subject, RADIANS / subject.plants[0].servo.natural_frequency, bends)
 
 
 def stands(bench: Plant, law: Law, bend: float, stroke: tuple[float, float]) -> bool:
@@ -194,9 +344,8 @@ def stands(bench: Plant, law: Law, bend: float, stroke: tuple[float, float]) -> 
         stroke: ends of the trials' motion [rad].
     """
     alone = linear_plant(bench, (bend,), stroke).alone
-    return (alone is None or _rests(run_trial(alone, law, bend, stroke))) and _stands_delay_of_servo(
-        bench, law, bend, stroke
-    )
+    rests = alone is None or _rests(run_trial(alone, law, bend, stroke))
+    return rests and _stands_delay_of_servo(_OneMotor((bench,), (law,), stroke, 1), (bend,))
 
 
 def visited_estimates(law: Law, trials: Iterable[Trial], dt: float) -> list[Estimates]:
@@ -248,16 +397,16 @@ def largest_change(model: LawModel) -> float:
     return found
 
 
-def _predicted_cycle(
-    bench: Plant, law: Law, bends: tuple[float, float], estimates: list[Estimates], stroke: tuple[float, float]
-) -> LimitCycle | None:
-    """The largest cycle over the bends and over the estimates at the start and at the end of the trials."""
-    cycles = []
-    for bend in dict.fromkeys(bends):
-        amplitudes, gains = describing_function(bench, bend, stroke)
+def _predicted_cycle(subject: Subject, ends: Sequence[Bends], estimates: Sequence[Visited]) -> LimitCycle | None:
+    """The largest cycle over the bends and over the estimates at the start and at the end of the trials; of several
+    motors one in which all go alike."""
+    cycles, dt, width = [], subject.plants[0].sample_time, subject.plants[0].joint_encoder.resolution or IDEAL
+    for bends in ends:
+        amplitudes, gains = subject.response(bends)
         for values in (estimates[0], estimates[-1]):
-            model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or IDEAL, estimates=values)
-            cycles.append(predict(gains, bench.servo, bench.delay, model, bench.sample_time, amplitudes))
+            for plant, law, own in zip(subject.plants, subject.laws, values, strict=True):
+                model = linearise(law, dt, width=width, estimates=own)
+                cycles.append(predict(gains, plant.servo, plant.delay, model, dt, amplitudes))
     return max((cycle for cycle in cycles if cycle), key=lambda cycle: cycle.amplitude, default=None)
 
 

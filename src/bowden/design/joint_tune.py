@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.core.errors import counted
+from bowden.design.check import Bends, Laws
 from bowden.design.check_result import Check
-from bowden.design.joint_check import Bends, Laws, check_joint
+from bowden.design.joint_check import check_joint
 from bowden.design.tune import NoGainsError
 from bowden.design.tune_judge import keeps
 from bowden.design.tune_runs import RUN, references_of

@@ -200,6 +200,8 @@ class LogFacts(RecordedRun):
     """From the first cycle to the last [s]."""
     begin_s: float | None
     """Column time of the first cycle: zero is when the command began [s]; null in a log without a cycle."""
+    running_s: float | None
+    """Column time of the first cycle in the mode *running*; null in a log of a run that never was [s]."""
     sample_time_s: float | None
     """Median time between two cycles; null with fewer than two [s]."""
     start_utc: str

@@ -2,14 +2,17 @@
 
 import math
 import numbers
-from collections.abc import Iterator, Mapping
-from functools import lru_cache
-from typing import Any, Literal, TypeVar, cast, get_args, get_origin
+import operator
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache, lru_cache
+from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin
+
+from pydantic import TypeAdapter, ValidationError
 
 from bowden.core.errors import ParameterError, article, near
-from bowden.core.quantity import Quantity, optional
+from bowden.core.quantity import Quantity, has_size, optional
 from bowden.core.units import DEGREES
-from bowden.rig.declaration import at, items_of, replaced
+from bowden.rig.declaration import STRICT, at, items_of, key_of, replaced
 
 Value = TypeVar("Value")
 
@@ -92,7 +95,7 @@ def _looked_at(value: Any, kind: Any, name: str, types: tuple[Any, ...]) -> Any:
     changed = value
     for item in items_of(kind):
         given = at(value, item.path)
-        right = checked_number(given, item.kind, item.quantity, ".".join((name, *item.path)))
+        right = checked_value(given, item.kind, item.quantity, ".".join((name, *item.path)).lstrip("."))
         if right is not given and hasattr(value, "_fields"):
             changed = replaced(changed, item.path, right)
     return changed
@@ -106,49 +109,71 @@ def _like(kind: type, name: str, default: Any) -> str:
     return f"{kind.__name__}({first.path[0]}=…)" if first else kind.__name__
 
 
-def checked_number(value: Any, kind: Any, quantity: Quantity, name: str) -> Any:
-    """One field of a rig, as a plain number where it is one.
+def checked_value(value: Any, kind: Any, quantity: Quantity, name: str) -> Any:
+    """One field of a rig, as a plain number where it is one: checked as the key of a file is, in the file's unit.
 
     Raises:
         ParameterError: of the wrong type or out of its range.
     """
-    inner = optional(kind)
-    if inner is not None:
-        return None if value is None else checked_number(value, inner, quantity, name)
-    if get_origin(kind) is Literal:
-        choices = get_args(kind)
-        if value not in choices or isinstance(value, bool | float):  # true and 1.0 equal 1, and are no choice
-            raise ParameterError(
-                f"Rig: {name} is {shown(value)}", expected=near(str(value), map(str, choices)), do=_GIVE
-            )
-        return value
-    if get_origin(kind) is tuple:
-        if isinstance(value, str) or not hasattr(value, "__iter__"):
-            raise ParameterError(
-                f"Rig: {name} is {shown(value)}", expected="several numbers", do="for example [0.0, 1.0]"
-            )
-        found = tuple(checked_number(one, float, quantity, f"{name}[{i}]") for i, one in enumerate(value))
-        return value if value == found and isinstance(value, tuple) and all(type(x) is float for x in value) else found
-    if kind in (bool, str):
-        if not isinstance(value, kind):
-            raise ParameterError(f"Rig: {name} is {shown(value)}", expected=_WORDS[kind], do=_GIVE)
-        return value
-    needed = numbers.Integral if kind is int else numbers.Real
-    if isinstance(value, bool) or not isinstance(value, needed):
-        raise ParameterError(f"Rig: {name} is {shown(value)}", expected=_expected(kind, quantity), do=_GIVE)
-    number = int(value) if isinstance(value, numbers.Integral) and kind is int else float(value)
-    if quantity.follows and math.isnan(number):
+    given = _plain(value, kind)
+    if quantity.follows and isinstance(given, float) and math.isnan(given):
         return math.nan  # the one object, so that equal rigs are equal
-    if not quantity.holds(number):
-        raise ParameterError(
-            f"Rig: {name} is {number:g}", expected=_expected(kind, quantity), do=_in_degrees(number, quantity)
+    if isinstance(given, float) and not has_size(given):  # as of a file, when it is read
+        raise _refused(given, optional(kind) or kind, quantity, name)
+    try:
+        _type_of(kind, quantity).validate_python(_in_file(given, quantity.factor))
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = next((one for one in first["loc"] if isinstance(one, int)), None)
+        wrong, inner = (given, optional(kind) or kind) if place is None else (given[place], float)
+        raise _refused(wrong, inner, quantity, name if place is None else f"{name}[{place}]") from None
+    return given
+
+
+@cache
+def _type_of(kind: Any, quantity: Quantity) -> TypeAdapter[Any]:
+    annotation, field = key_of(kind, quantity, None)
+    checks: Any = Annotated[annotation, field]
+    return TypeAdapter(checks, config=STRICT)
+
+
+def _plain(value: Any, kind: Any) -> Any:
+    """A number of Python's where it is one of another kind, NumPy's for one; of several a tuple."""
+    if get_origin(kind) is tuple and isinstance(value, Iterable) and not isinstance(value, str):
+        found = tuple(_plain(one, float) for one in value)
+        return value if value == found and all(map(operator.is_, value, found)) and type(value) is tuple else found
+    if type(value) in (bool, float, str) or not isinstance(value, numbers.Real):
+        return value
+    if isinstance(value, numbers.Integral) and kind not in (float, float | None):
+        return value if isinstance(value, int) else int(value)
+    return float(value)
+
+
+def _in_file(value: Any, factor: float) -> Any:
+    """In the file's unit, but for the last digits, which a change of unit may cost."""
+    if isinstance(value, tuple):
+        return [_in_file(one, factor) for one in value]
+    return float(f"{value / factor:.13g}") if isinstance(value, float) and factor != 1.0 else value
+
+
+def _refused(value: Any, kind: Any, quantity: Quantity, name: str) -> ParameterError:
+    """What pydantic refused, in the unit inside."""
+    said = shown(value)
+    if get_origin(kind) is Literal:
+        return ParameterError(f"Rig: {name} is {said}", expected=near(str(value), map(str, get_args(kind))), do=_GIVE)
+    if get_origin(kind) is tuple:
+        return ParameterError(f"Rig: {name} is {said}", expected="several numbers", do="for example [0.0, 1.0]")
+    if isinstance(value, float) or (type(value) is int and kind is int):
+        return ParameterError(
+            f"Rig: {name} is {value:g}", expected=_expected(kind, quantity), do=_in_degrees(value, quantity)
         )
-    return value if type(value) is kind else number
+    return ParameterError(f"Rig: {name} is {said}", expected=_expected(kind, quantity), do=_GIVE)
 
 
 def _expected(kind: Any, quantity: Quantity) -> str:
     unit = "" if quantity.unit == "–" else f" in {quantity.unit}"
-    return f"{_WORDS[kind]}{f' {quantity.range}' if quantity.range else ''}{unit}"
+    said = f" {quantity.range}" if quantity.range else ""
+    return f"{_WORDS[kind]}{said}{unit}" if kind in (float, int) else _WORDS[kind]
 
 
 def _in_degrees(number: float, quantity: Quantity) -> str:

@@ -14,10 +14,14 @@ from bowden.core.quantity import Quantity, declared, in_unit, optional
 Value = TypeVar("Value")
 
 
-class Section(BaseModel):
-    """A table of a file: unknown keys, numbers in quotation marks, NaN and infinity are refused."""
+STRICT = ConfigDict(allow_inf_nan=False, strict=True)
+"""Of every value: a number in quotation marks, NaN and infinity are refused."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True, frozen=True)
+
+class Section(BaseModel):
+    """A table of a file; unknown keys are refused."""
+
+    model_config = ConfigDict(**STRICT, extra="forbid", frozen=True)
 
 
 class Item(NamedTuple):

@@ -67,6 +67,16 @@ def document(values: Mapping[str, Any]) -> dict[str, Any]:
     return found | ({"own_gains": own} if own else {})
 
 
+def of_rig(rig: Any) -> dict[str, Any]:
+    """See `Rig.document`."""
+    found = document(rig.compared) | {"origin": rig.origin, "hash": rig.hash}
+    if not rig.motors:
+        return found
+    motors = [{"name": name, "rig": of_rig(one), "joint": joint} for name, one, joint in rig.motors]
+    joints = [one._asdict() for one in rig.joints]
+    return found | {"motors": motors, "independent": rig.independent, "joints": joints}
+
+
 def packed(found: Mapping[str, Any]) -> bytes:
     """A document as bytes.
 

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from bowden.control.reference import Trajectory
 from bowden.core import arguments
-from bowden.core.errors import OutputError, ParameterError, asked_for_by, near
-from bowden.core.files import whole_file
+from bowden.core.errors import ParameterError, asked_for_by, near
 from bowden.core.guesses import Answering, answering
 from bowden.core.part import signed
-from bowden.core.quantity import declared
 from bowden.core.registry import Derived, resolve
 from bowden.core.toml_text import quoted
 from bowden.models.cable.bouc_wen import BoucWen
@@ -28,13 +26,10 @@ from bowden.plants.counting import Encoders
 from bowden.plants.push_settings import AdmittanceSettings
 from bowden.plants.suit_settings import SuitSettings, WearerSettings
 from bowden.rig import emg_setup
-from bowden.rig import motors as several
-from bowden.rig.checked import Gains, checked, checked_number, shown
-from bowden.rig.declaration import tree_of as section_tree
-from bowden.rig.effect import refuse_idle
+from bowden.rig.checked import Gains, checked, shown
 from bowden.rig.families import DriveNeeds, family_of
-from bowden.rig.given import CableLike, GivenLaw, GivenPlant, in_one_form
-from bowden.rig.joints import JointSettings, RigJoint, check_joints, joints_of
+from bowden.rig.given import CableLike, GivenLaw, GivenPlant, check_whole, settle
+from bowden.rig.joints import JointSettings, RigJoint, joints_of
 from bowden.rig.load_cell import LoadCellParameters, moved_cell
 from bowden.rig.sections import (
     DEFAULT_CABLE,
@@ -48,7 +43,7 @@ from bowden.rig.sections import (
     drive_part,
 )
 from bowden.rig.settings import EmgSettings, JointSensor, LiveSettings
-from bowden.rig.tree import Files, files_of, read_values, tree_of, values_of, written
+from bowden.rig.tree import of_rig, read_values, values_of, written
 from bowden.safety.limits import Limits
 from bowden.sensing import wearer_file
 
@@ -68,10 +63,6 @@ if TYPE_CHECKING:
     from bowden.rig.consistent import Basis
     from bowden.rig.emg_run import EmgRun
     from bowden.sensing.joint_angle import JointModel
-
-
-MOST_CYCLES = 10_000_000
-"""A longer run is refused: its record would not fit into the memory of a common computer."""
 
 
 class RigMotor(NamedTuple):
@@ -196,112 +187,8 @@ class Rig(metaclass=Answering):
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
-        arguments.text(self.origin, "Rig: origin", "the name of a file")
-        if not isinstance(self.remarks, tuple) or not all(isinstance(one, str) for one in self.remarks):
-            raise ParameterError(
-                f"Rig: remarks is {shown(self.remarks)}", expected="a tuple of texts", do="leave it out"
-            )
-        self._check_motors()
-        self._check_clock()
-        for kind in (Clock, Scenario):
-            for one in declared(kind):
-                value = checked_number(getattr(self, one.name), one.kind, one.quantity, one.name)
-                object.__setattr__(self, one.name, value)
-        drive = drive_part(getattr(self.drive, "family", DEFAULT_FAMILY))
-        if self.drive is None:
-            object.__setattr__(self, "drive", drive.default)
-        for name, part in {**PARTS, "drive": drive}.items():
-            object.__setattr__(self, name, checked(getattr(self, name), part.kind, name, part.default))
-        for name, value in in_one_form(self).items():
-            object.__setattr__(self, name, value)
-        if self.plant is not None:
-            self._take_from_plant()
-        self._check_whole()
-
-    def _check_motors(self) -> None:
-        """Refuse motors that cannot be in one loop."""
-        fine = isinstance(self.motors, tuple | list) and all(
-            isinstance(one, tuple)
-            and len(one) in (2, 3)
-            and isinstance(one[1], Rig)
-            and all(isinstance(text, str) for text in (one[0], *one[2:]))
-            for one in self.motors
-        )
-        if not fine or not isinstance(self.independent, bool) or not isinstance(self.joints, tuple | list):
-            raise ParameterError(
-                f"Rig: motors is {shown(self.motors)}, independent {shown(self.independent)}, joints "
-                f"{shown(self.joints)}",
-                expected="a name and a rig for each motor, with the name of its joint where others move that too; True "
-                "or False; and joints",
-                do='make them: motors=(("hip", rig), ("knee", rig.replace(…)))',
-            )
-        object.__setattr__(self, "motors", tuple(RigMotor(*one) for one in self.motors))
-        default = JointSettings()
-        joints = tuple(checked(one, JointSettings, "joint", default) for one in self.joints)
-        object.__setattr__(self, "joints", joints)
-        if self.motors:
-            several.check(self.motors, self.joints, self.origin)
-        if self.motors or self.joints:
-            check_joints(self.each_joint, self.independent, self.origin)
-
-    def _check_clock(self) -> None:
-        """What the length of a run depends on, with the messages that the command line knows."""
-        numbers = [isinstance(one, int | float) and not isinstance(one, bool) for one in (self.duration, self.seed)]
-        if numbers[1] and not 0 <= self.seed < 2**63:
-            raise ParameterError(
-                f"the seed is {self.seed}", expected="a whole number from 0 to 2⁶³ − 1", do="give another seed"
-            )
-        step = self.sample_time
-        if numbers[0] and isinstance(step, int | float) and step > 0.0:
-            cycles = self.duration / step
-            if not (self.duration > 0.0 and 2.0 <= cycles <= MOST_CYCLES):
-                raise ParameterError(
-                    f"a run of {self.duration:g} s has {max(cycles, 0.0):g} cycles",
-                    expected=f"a duration that makes 2 to {MOST_CYCLES} of them",
-                    do="change the duration, scenario.duration_s of a rig.toml",
-                )
-
-    def _take_from_plant(self) -> None:
-        """Let the rig's parts be what its plant says of itself."""
-        fields = type(self).__dataclass_fields__
-        if self.cable != fields["cable"].default or self.width != fields["width"].default or self.suit.worn:
-            other = "a suit" if self.suit.worn else "a cable"
-            raise ParameterError(
-                f"{self.origin}: the rig has both a plant of its own and {other}",
-                expected="one of them",
-                do="leave one out",
-            )
-        plant_file = resolve("plants.plant_file")
-        default = {name: fields[name].default for name in plant_file.PARTS}
-        with asked_for_by(f"{self.origin}: the plant"):
-            own = {name: getattr(self, name) for name in plant_file.PARTS}
-            taken = plant_file.agreed(self.own_plant, own, default)
-        for name, value in taken.items():
-            object.__setattr__(self, name, value)
-
-    def _check_whole(self) -> None:
-        """Refuse parts that do not fit one another."""
-        if self.preset is not None:
-            self.loaded_law.preset(self.preset)
-        if self.gains:
-            with asked_for_by(f"{self.origin}: control.gains" if Path(self.origin).suffix else "Rig: gains"):
-                resolve("rig.laws:check_gains")(self)
-        if self.emg.source is not None:
-            _ = self.emg_run
-        if self.suit.worn:
-            with asked_for_by(f"{self.origin}: [suit] or [wearer]"):
-                _ = self.worn
-        if self.admittance.enabled:
-            with asked_for_by(f"{self.origin}: [admittance]"):
-                _ = self.pushing
-        if not self.motors:
-            refuse_idle(self)
-        if self.joint_sensor.estimated:
-            with asked_for_by(f"{self.origin}: [joint_sensor]"):
-                resolve("rig.joint_sensor:check")(self.joint_sensor, self.sample_time, self.limits.joint_std)
-        if not self.motors and self.brake.there:
-            with asked_for_by(f"{self.origin}: [brake]"):
-                resolve("rig.drive:check_brake")(self)
+        settle(self, RigMotor)
+        check_whole(self)
 
     @classmethod
     def read(cls, path: Path | str) -> "Rig":
@@ -351,14 +238,7 @@ class Rig(metaclass=Answering):
         Raises:
             ParameterError: a reference, law or value that a file has no words for.
         """
-        if self.motors:
-            return self._shared([several.MotorTree(name, rig.tree(), joint) for name, rig, joint in self.motors])
-        return tree_of(self.fields)
-
-    def _shared(self, trees: Sequence[several.MotorTree]) -> dict[str, Any]:
-        """The sections of a rig with several motors."""
-        joints = {several.JOINT: [section_tree(one) for one in self.joints]} if self.joints else {}
-        return ({several.INDEPENDENT: True} if self.independent else {}) | several.shared(trees) | joints
+        return of_rig(self)
 
     def to_toml(self) -> str:
         """The rig as the text of a rig.toml, which `read` reads back to the same hash.
@@ -383,46 +263,7 @@ class Rig(metaclass=Answering):
             ParameterError: see `tree`.
             OutputError: a file cannot be written, or another one of its name is there.
         """
-        target = arguments.path_of(path, "Rig.write: path")
-        if target.is_dir():
-            raise OutputError(f"{target} is a folder", do=f"give the file's name: {target / 'rig.toml'}")
-        tree, files = self._tree_and_files()
-        contents = {target: written(tree).encode()} | {target.parent / name: text for name, text in files.items()}
-        contents = {file: content for file, content in contents.items() if not self._has_model(file)}
-        for file, content in contents.items():
-            if file.exists() and file.read_bytes() != content and not force:
-                raise OutputError(
-                    f"{file} is there already, with other content",
-                    do="choose another folder, or overwrite it: write(path, force=True)",
-                )
-        for file, content in contents.items():
-            if file.parent != target.parent:  # of a package that a user's file imports
-                file.parent.mkdir(parents=True, exist_ok=True)
-            with whole_file(file) as part:
-                part.write_bytes(content)
-
-    def _has_model(self, file: Path) -> bool:
-        """True if a file has the very models of one of the rig's cables, and the trust in them."""
-        cables: list[Any] = [one.rig.cable for one in self.parts if one.rig.identified]
-        if not (cables and file.suffix == ".toml" and file.exists()):
-            return False
-        try:
-            there = resolve("plants.identified:load_cable")(file)
-        except ParameterError:  # no model at all
-            return False
-        return any((there.digest, there.trust) == (one.digest, one.trust) for one in cables)
-
-    def _tree_and_files(self) -> tuple[dict[str, Any], dict[str, bytes]]:
-        """The sections with the names of the files that lie beside, and what is in these."""
-        if not self.motors:
-            return files_of(self.fields)
-        trees, files = list[several.MotorTree](), Files()
-        for name, rig, joint in self.motors:
-            tree, own = files_of(rig.fields)
-            trees.append(several.MotorTree(name, tree, joint))
-            for file, content in own.items():
-                files.add(file, content)
-        return self._shared(trees), files.contents
+        resolve("rig.folder:write")(self, arguments.path_of(path, "Rig.write: path"), force=force)
 
     def replace(self, **changes: Any) -> "Rig":
         """The same rig with other values of some fields; of one with motors, in each of them.
@@ -589,7 +430,8 @@ class Rig(metaclass=Answering):
         return {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
 
     @property
-    def _values(self) -> dict[str, Any]:
+    def compared(self) -> dict[str, Any]:
+        """Those by which two rigs are the same."""
         return {one.name: getattr(self, one.name) for one in dataclasses.fields(self) if one.compare}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -604,7 +446,7 @@ class Rig(metaclass=Answering):
     @cached_property
     def hash(self) -> str:
         """A short name of the rig: equal ones have the same, whether they come from Python or a file."""
-        return self.stands_for or resolve("rig.packing:digest")(self._values)
+        return self.stands_for or resolve("rig.packing:digest")(self.compared)
 
     def __hash__(self) -> int:
         return hash(self.hash)
@@ -615,12 +457,8 @@ class Rig(metaclass=Answering):
         Raises:
             ParameterError: a reference, cable or law that exists only in this process.
         """
-        found = resolve("rig.packing:document")(self._values) | {"origin": self.origin, "hash": self.hash}
-        if not self.motors:
-            return found
-        motors = [{"name": name, "rig": rig.document(), "joint": joint} for name, rig, joint in self.motors]
-        joints = [one._asdict() for one in self.joints]
-        return found | {"motors": motors, "independent": self.independent, "joints": joints}
+        found: dict[str, Any] = resolve("rig.packing:of_rig")(self)
+        return found
 
     def pack(self) -> bytes:
         """The rig as bytes, for another process; see `unpack`.
@@ -645,7 +483,7 @@ class Rig(metaclass=Answering):
 
     def __repr__(self) -> str:
         given = [
-            f"{name}={shown(value)}" for name, value in self._values.items() if not _same(value, self._default(name))
+            f"{name}={shown(value)}" for name, value in self.compared.items() if not _same(value, self._default(name))
         ]
         return f"Rig({', '.join(given)})"
 

@@ -105,7 +105,8 @@ _PLANT = Quantity(
 _PARAMETERS = Quantity(
     "parameters that differ from the file of that plant, in its own units, or of that model (SI and radians)"
 )
-_GAIN = Annotated[float, Field(ge=-1e6, le=1e6)]
+GAIN = Quantity("a gain", ge=-1e6, le=1e6)
+_GAIN = Annotated[float, Field(**GAIN.rules)]
 
 DEFAULT_CABLE = _BENCH.cable
 """Of the paper's bench, by hand."""

@@ -1,6 +1,6 @@
 """A rig as the sections of a rig.toml, both ways: its fields from them, and they from its fields."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,6 @@ from bowden.rig.sections import (
     drive_part,
 )
 from bowden.rig.settings import EmgSettings
-from bowden.sensing import wearer_file
 
 
 def read_values(path: Path) -> dict[str, Any]:
@@ -261,66 +260,21 @@ def _control(values: Mapping[str, Any]) -> dict[str, Any]:
     return {"law": name} | preset | ({"gains": own} if own else {})
 
 
-def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """The sections of a rig, with the names of files that lie beside it, and what stands in these.
-
-    A recording of EMG is not among them: it stays where it is.
+def of_rig(rig: Any) -> dict[str, Any]:
+    """A rig as the sections of a rig.toml; of several motors what is common, and each with its own.
 
     Raises:
-        ParameterError: see `tree_of`; or two of the files have one name.
+        ParameterError: see `tree_of`.
     """
-    tree, files = tree_of(values), Files()
-    add = files.add
-    cable, reference, law, emg = (values[name] for name in ("cable", "reference", "law", "emg"))
-    if values["plant"] is not None:
-        plant = resolve("plants.plant_file:as_file")(values["plant"])
-        name = Path(plant.path).name
-        tree["cable"] |= {"plant": name + plant.name.rpartition(".py")[2]}
-        for file, source in ((name, plant.source), *((one.file, one.source) for one in plant.modules)):
-            add(file, source)
-    elif not isinstance(cable, BoucWen):
-        tree["cable"] = {"model": Path(tree["cable"]["model"]).name}
-        add(tree["cable"]["model"], resolve("plants.identified:cable_text")(cable).encode())
-    if isinstance(reference, RecordedMotion):
-        name = f"{Path(reference.said.file).name.partition('.')[0]}.csv"
-        columns = {"time_column": "time_s", "position_column": "joint_rad", "unit": "rad"}
-        tree["reference"] |= {"file": name} | columns
-        pairs = zip(reference.time.tolist(), reference.position.tolist(), strict=True)
-        add(name, "\n".join(["time_s,joint_rad", *(f"{t!r},{x!r}" for t, x in pairs), ""]).encode())
-    law, _ = resolve("control.law_file:packable")(law)
-    if not isinstance(law, str):
-        name = Path(law.path).name
-        tree["control"]["law"] = name + law.name.rpartition(".py")[2]
-        for file, source in ((name, law.source), *((one.file, one.source) for one in law.modules)):
-            add(file, source)
-    if emg.levels is not None:
-        tree["emg"]["wearer"] = Path(emg.wearer or "wearer.toml").name
-        add(tree["emg"]["wearer"], wearer_file.text_of(emg.levels).encode())
-    if emg.place:
-        kind, _, place = emg.place.partition(":")
-        tree["emg"]["source"] = f"{kind}:{Path(place).absolute()}"
-    return tree, files.contents
+    if not rig.motors:
+        return tree_of(rig.fields)
+    return of_motors(rig, [motors.MotorTree(name, of_rig(one), joint) for name, one, joint in rig.motors])
 
 
-class Files:
-    """Files that lie beside a rig.toml."""
-
-    def __init__(self) -> None:
-        self.contents: dict[str, bytes] = {}
-        """Name → what is in it."""
-
-    def add(self, name: str, content: bytes) -> None:
-        """Add one.
-
-        Raises:
-            ParameterError: another file has its name.
-        """
-        if self.contents.setdefault(name, content) != content:
-            raise ParameterError(
-                f"two files of the rig have the name {name}",
-                expected="files of different names",
-                do="rename one, or pass the rig on with pack()",
-            )
+def of_motors(rig: Any, trees: Sequence[motors.MotorTree]) -> dict[str, Any]:
+    """The sections of a rig with several motors, of those of each."""
+    joints = {motors.JOINT: [section_tree(one) for one in rig.joints]} if rig.joints else {}
+    return ({motors.INDEPENDENT: True} if rig.independent else {}) | motors.shared(trees) | joints
 
 
 def written(tree: Mapping[str, Any]) -> str:

@@ -37,6 +37,8 @@ def lines(found: LogFacts) -> Iterator[tuple[str, str]]:
     yield "begun", found.start_utc
     if found.begin_s:
         yield "first cycle", f"{found.begin_s:.3f} s later, by the column time; counted from here on below"
+    if found.running_s is not None:
+        yield "running", f"from {found.running_s - (found.begin_s or 0.0):.3f} s on, once armed and told to run"
     yield "duration", f"{found.duration_s:.3f} s, {found.cycles} cycles"
     yield "missing", counted(found.missing, "cycle") if found.missing else "nothing"
     yield "closed properly", "yes" if found.closed else "no"

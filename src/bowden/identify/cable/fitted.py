@@ -80,6 +80,8 @@ class FittedLog:
     """Of the joint behind the motor [s], and the share of what the recommended model leaves that it explains [–]."""
     fitted_from: int = 0
     """First sample that was fitted; above zero where the cable was still settling."""
+    one_amplitude: float = 0.0
+    """Span of the motor where all strokes have one amplitude, so that no smaller loop is seen; else 0 [rad]."""
     values: tuple[float, ...] = ()
     """Of what schedules the model, its means."""
     same_rms: float = math.nan

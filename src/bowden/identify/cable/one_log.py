@@ -121,6 +121,7 @@ def _fit_log(log: Log, seed: int, tell: Progress) -> Fit:
         drift=drift(path),
         lag=time_lag(fine, half.estimates[best]),
         fitted_from=fitted_from,
+        one_amplitude=fine.span if advice.one_amplitude(fine) else 0.0,
     )
     others = {name: dict(one.parameters) for name, one in models.items() if name != best}
     return Fit(

@@ -64,12 +64,7 @@ int main(void)
         *at = PATTERN;
     }
     for (size_t k = 0; k < count; ++k) {
-        const [[name]]_Sample sample = {
-            .joint = ([[name]]_real)ROWS[k][0],
-            .motor = ([[name]]_real)ROWS[k][1],
-            .joint_age = ([[name]]_real)NAN,
-            .joint_std = ([[name]]_real)NAN, /* of an encoder */
-        };
+        const [[name]]_Sample sample = {([[name]]_real)ROWS[k][0], ([[name]]_real)ROWS[k][1], NAN, NAN};
         const [[name]]_Reference reference = {
             ([[name]]_real)ROWS[k][2], ([[name]]_real)ROWS[k][3], ([[name]]_real)ROWS[k][4]
         };
