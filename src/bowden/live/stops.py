@@ -157,7 +157,7 @@ def _stops(log: Recording) -> Iterator[Stop]:
         since = (time >= time[at] - _LOOKED_BACK) & (time <= time[at])
         yield Stop(
             float(time[begin] - time[0]),
-            *told_apart(onsets(bits[begin:over], time[begin:over])),
+            *split_root_causes(onsets(bits[begin:over], time[begin:over])),
             _most(log["lateness"][since], log["supervisor.timers.late"][since]),
             _most(log["operator_age"][since]) if "operator_age" in log.columns else 0.0,
             float(log["emg.loss"][at]) if "emg.loss" in log.columns else EmgLoss.NONE,
@@ -169,7 +169,7 @@ def _most(*parts: Array) -> float:
 
 
 def onsets(bits: Array | NDArray[np.int64], times: Array) -> dict[Fault, float]:
-    """When each fault came first [s], in that order.
+    """Onset of each fault [s], in the order of time.
 
     Args:
         bits: of the faults in each cycle (n,).
@@ -182,7 +182,7 @@ def onsets(bits: Array | NDArray[np.int64], times: Array) -> dict[Fault, float]:
     return order
 
 
-def told_apart(came: Mapping[Fault, float]) -> tuple[tuple[Fault, ...], tuple[Fault, ...]]:
+def split_root_causes(came: Mapping[Fault, float]) -> tuple[tuple[Fault, ...], tuple[Fault, ...]]:
     """Causes and consequences among faults, each in the order in which they came.
 
     Args:

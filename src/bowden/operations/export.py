@@ -29,7 +29,7 @@ _HEAD = 500
 
 @dataclass(frozen=True)
 class CortexCost(Documented):
-    """What a law costs on a microcontroller."""
+    """Costs of a law on a microcontroller."""
 
     code_bytes: int
     """The law's own functions and constants, without those of the C library [bytes]."""
@@ -266,7 +266,7 @@ def _only_ours(folder: Path, names: set[str]) -> None:
 
 
 def _written(file: Path) -> bool:
-    """Whether an export has written it."""
+    """True if an export has written it."""
     return file.is_file() and _MARK in file.read_bytes()[:_HEAD]
 
 

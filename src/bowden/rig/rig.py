@@ -16,7 +16,7 @@ from bowden.control.law_file import LawFile
 from bowden.control.recorded_motion import held
 from bowden.control.reference import PeriodicMinimumJerk, Recorded, Trajectory
 from bowden.core import arguments
-from bowden.core.errors import OutputError, ParameterError, asked_for_by, near
+from bowden.core.errors import OutputError, ParameterError, error_context, near
 from bowden.core.files import whole_file
 from bowden.core.guesses import Answering, answering
 from bowden.core.part import signed
@@ -211,7 +211,7 @@ class Rig(metaclass=Answering):
     """The file that it was read from, for messages."""
     remarks: tuple[str, ...] = field(default=(), compare=False)
     """What the user should know about how the file was understood."""
-    stands_for: str = field(default="", init=False, compare=False)
+    original_hash: str = field(default="", init=False, compare=False)
     """Hash of the rig of which this one is only another form, `offline`."""
 
     def __new__(cls, *given: Any, **named: Any) -> "Rig":
@@ -301,7 +301,7 @@ class Rig(metaclass=Answering):
                 do="leave one out",
             )
         default = {name: fields[name].default for name in plant_file.PARTS}
-        with asked_for_by(f"{self.origin}: the plant"):
+        with error_context(f"{self.origin}: the plant"):
             own = {name: getattr(self, name) for name in plant_file.PARTS}
             taken = plant_file.agreed(self.own_plant, own, default)
         for name, value in taken.items():
@@ -327,18 +327,18 @@ class Rig(metaclass=Answering):
         if self.preset is not None:
             self.loaded_law.preset(self.preset)
         if self.gains:
-            with asked_for_by(f"{self.origin}: control.gains" if Path(self.origin).suffix else "Rig: gains"):
+            with error_context(f"{self.origin}: control.gains" if Path(self.origin).suffix else "Rig: gains"):
                 self._check_gains()
         if self.emg.source is not None:
             _ = self.emg_run
-        with asked_for_by(f"{self.origin}: [suit] or [wearer]"):
+        with error_context(f"{self.origin}: [suit] or [wearer]"):
             _ = self.worn
-        with asked_for_by(f"{self.origin}: [admittance]"):
+        with error_context(f"{self.origin}: [admittance]"):
             _ = self.pushing
         if not self.motors:
             refuse_idle(self)
         if not self.motors and self.brake.there:
-            with asked_for_by(f"{self.origin}: [brake]"):
+            with error_context(f"{self.origin}: [brake]"):
                 live_parts.check_brake(self.brake, self.drive, self.supervisor_limits, self.worn)
 
     def _check_gains(self) -> None:
@@ -379,7 +379,7 @@ class Rig(metaclass=Answering):
     def _of_values(cls, values: dict[str, Any]) -> "Rig":
         motors = []
         for name, own, joint in values.get("motors", ()):
-            with asked_for_by(f"motor {quoted(name)}"):
+            with error_context(f"motor {quoted(name)}"):
                 motors.append(RigMotor(name, cls(**own), joint))
         return cls(**{**values, "motors": tuple(motors)})
 
@@ -625,7 +625,7 @@ class Rig(metaclass=Answering):
         """
         _ = self.only()
         run, whole = self.emg_run, arguments.flag(whole, "Rig.offline: whole")
-        if run is None or self.stands_for:
+        if run is None or self.original_hash:
             return self
         motion = resolved("emg.recorded").recorded(run, self.sample_time)
         if motion is None:
@@ -637,7 +637,7 @@ class Rig(metaclass=Answering):
     def _in_place_of(self, **changes: Any) -> "Rig":
         """Another form of this rig, under its hash."""
         made = self.replace(**changes)
-        object.__setattr__(made, "stands_for", self.hash)
+        object.__setattr__(made, "original_hash", self.hash)
         return made
 
     @property
@@ -661,7 +661,7 @@ class Rig(metaclass=Answering):
     @cached_property
     def hash(self) -> str:
         """A short name of the rig: equal ones have the same, whether they come from Python or a file."""
-        return self.stands_for or packing.digest(self._values)
+        return self.original_hash or packing.digest(self._values)
 
     def __hash__(self) -> int:
         return hash(self.hash)

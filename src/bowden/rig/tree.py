@@ -12,7 +12,7 @@ from bowden.control import Law, user_law
 from bowden.control.law_file import LawFile, packable
 from bowden.control.recorded_motion import RecordedFile, RecordedMotion, read_motion
 from bowden.control.reference import Trajectory
-from bowden.core.errors import ParameterError, article, asked_for_by
+from bowden.core.errors import ParameterError, article, error_context
 from bowden.core.quantity import declared
 from bowden.core.toml_text import quoted
 from bowden.models.cable.bouc_wen import BoucWen
@@ -103,7 +103,7 @@ def _values_of_motors(tree: Mapping[str, Any], path: Path, keep: Mapping[str, An
     known = {one.name: one.rig.fields for one in keep.get("motors", ())}
     found = []
     for name, whole, joint in each:
-        with asked_for_by(f"motor {quoted(name)}"):
+        with error_context(f"motor {quoted(name)}"):
             found.append((name, values_of(whole, path, known.get(name)), joint))
     joints = _joints(tree, path)
     return values_of(common, path, keep, whole=False) | {
@@ -152,7 +152,7 @@ def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
     if same and before.changed.keys() <= section.parameters.keys():
         found: IdentifiedCable = before
     else:
-        with asked_for_by(f"{path}: cable.model"):
+        with error_context(f"{path}: cable.model"):
             found = load_cable(path.parent / section.model, section.model).counted(counting)
         if section.model_hash not in (None, found.digest):
             raise ParameterError(
@@ -161,7 +161,7 @@ def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
                 do=f"make a new rig: bowden init NEW.toml --model {path.parent / section.model}; or, if reference, "
                 f'limits and law suit the new model too, write model_hash = "{found.digest}"',
             )
-    with asked_for_by(f"{path}: cable.parameters"):
+    with error_context(f"{path}: cable.parameters"):
         return found.with_parameters(section.parameters)
 
 
@@ -172,15 +172,15 @@ def _plant(section: Any, path: Path, before: Any) -> PlantFile | None:
     if isinstance(before, PlantFile) and before.name == name:
         found = before
     else:
-        with asked_for_by(f"{path}: cable.plant"):
+        with error_context(f"{path}: cable.plant"):
             found = PlantFile.found(name, path.parent)
-    with asked_for_by(f"{path}: cable.parameters"):
+    with error_context(f"{path}: cable.parameters"):
         return found.with_parameters(section.parameters)
 
 
 def _reference(section: Any, path: Path, before: Any) -> Trajectory:
     part = REFERENCES[section.kind]
-    with asked_for_by(f"{path}: reference"):
+    with error_context(f"{path}: reference"):
         said: Any = value_of(part.kind, section.model_dump())
         if not isinstance(said, RecordedFile):
             found: Trajectory = before if said == before else said

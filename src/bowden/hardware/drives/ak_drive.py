@@ -128,7 +128,7 @@ class AkDrive(Driver):
         return identifier in (self._drive.node_id, self._reply_id)
 
     def _is_it(self, identifier: int, data: bytes) -> bool:
-        """Whether a frame is a reply of this drive."""
+        """True if a frame is a reply of this drive."""
         return identifier == self._reply_id and len(data) == 8 and data[0] == self._drive.node_id
 
     def _is_foreign(self, identifier: int, data: bytes) -> bool:
