@@ -87,11 +87,11 @@ _OF_EMG: Mapping[float, str] = {
     EmgLoss.READER: "the process that reads the stream stalled or ended, whatever the electrodes do: close other "
     "programs, run `bowden doctor`, and begin another run",
     EmgLoss.STREAM: "no new samples came, whatever the electrodes do: look at the program that sends, its base station "
-    "and its network; then arm again",
+    "and its network; then begin again",
     EmgLoss.DEAD: "samples came, of a signal that is flat, at its limit, missing or repeated: look at the electrodes, "
-    "their contact and their sender; then arm again",
+    "their contact and their sender; then begin again",
     EmgLoss.NOISY: "samples came, full of movement or mains: look at the electrodes, their contact and their cables; "
-    "then arm again",
+    "then begin again",
 }
 """Remedies where it is known what was lost."""
 
