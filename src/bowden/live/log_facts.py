@@ -81,7 +81,7 @@ def facts(found: Recording) -> LogFacts:
 
 
 def recorded(found: Recording) -> RecordedRun:
-    """What the record of a run shows, with the columns of `NEEDED`."""
+    """Figures of a recorded run, from the columns of `NEEDED`."""
     settings, each = found.settings, [tracked(part) for part in found.parts.values()]
     twin = settings.get("twin")
     rmse_deg, peak_deg = (
@@ -103,7 +103,7 @@ def recorded(found: Recording) -> RecordedRun:
 
 
 def tracked(found: Recording) -> Tracked:
-    """How well the joint followed, by the record of one motor."""
+    """Tracking errors of the joint, by the record of one motor."""
     settings, error = found.settings, np.empty(0)
     if {*FOLLOWED, "time"} <= {*found.columns} and len(found.rows) > 1:
         error = (found["joint"] - found["reference"])[found["source"] >= TargetSource.LAW_BEGINS]

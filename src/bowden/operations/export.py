@@ -229,7 +229,7 @@ def _only_ours(folder: Path, names: set[str]) -> None:
 
 
 def _written(file: Path) -> bool:
-    """Whether an export has written it."""
+    """True if an export has written it."""
     return file.is_file() and _MARK in file.read_bytes()[:_HEAD]
 
 

@@ -82,7 +82,7 @@ def lines(found: LogFacts) -> Iterator[tuple[str, str]]:
 
 
 def show_log_recover(found: LogRecovered, call: Call) -> None:
-    """What could be saved, and what may be missing."""
+    """Show what was saved, and what may be missing."""
     print(f"{found.files[0]}: {found.rows} cycles")
     if found.missing:
         print(f"missing before the last of them: {found.missing} cycles, {found.missing_seconds:.3f} s")
@@ -141,7 +141,7 @@ def show_log_plot(found: LogDrawn, call: Call) -> None:
 
 
 def show_log_replay(found: LogReplay, call: Call) -> None:
-    """How each motor compares."""
+    """Show the comparison of each motor."""
     for one in found.motors or (found,):
         if one.motor:
             print(f"motor {one.motor}")

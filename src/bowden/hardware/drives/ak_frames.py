@@ -115,7 +115,7 @@ class AkReply(NamedTuple):
     """The byte as it came."""
     error: int
     at_end: bool
-    """Whether the position's field stands at one of its ends, and says nothing of where the motor is."""
+    """True if the position's field stands at one of its ends, and says nothing of where the motor is."""
 
 
 def pack_command(command: AkCommand, model: AkModel) -> bytes:

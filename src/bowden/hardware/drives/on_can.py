@@ -293,7 +293,7 @@ class Device(NamedTuple):
 
 
 def collision(one: Any, other: Any) -> str:
-    """What keeps two drives from being on one bus, where they are; empty of others.
+    """Reason for which two drives cannot share their bus; empty if they can, or are on two.
 
     Their frames must differ: a drive whose number is that of another one's encoder would be led by that one's joint.
     `identifiers` of their parameters says which there are: identifier → key of [drive] that it follows from.

@@ -72,7 +72,7 @@ class AkNode(TwinNode):
 
     @property
     def _gains(self) -> bool:
-        """Whether the command gives a torque; half a step of it is what no command can leave out."""
+        """True if the command gives a torque; half a step of it is what no command can leave out."""
         half = 0.51 * 2.0 * self._model.torque / 4095.0
         return self._command.kp > 0.0 or self._command.kd > 0.0 or abs(self._command.torque) > half
 
