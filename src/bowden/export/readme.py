@@ -6,7 +6,6 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.core.nested import leaves, name_of
-from bowden.export.counts import Counts
 from bowden.export.files import rendered
 from bowden.export.kinds import reached
 from bowden.export.law import state_of

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from bowden.control.reference import Trajectory
 from bowden.core import arguments
-from bowden.core.errors import ParameterError, asked_for_by, near
+from bowden.core.errors import ParameterError, error_context, near
 from bowden.core.guesses import Answering, answering
 from bowden.core.part import signed
 from bowden.core.registry import Derived, resolve
@@ -446,7 +446,7 @@ class Rig(metaclass=Answering):
     @cached_property
     def hash(self) -> str:
         """A short name of the rig: equal ones have the same, whether they come from Python or a file."""
-        return self.stands_for or resolve("rig.packing:digest")(self.compared)
+        return self.original_hash or resolve("rig.packing:digest")(self.compared)
 
     def __hash__(self) -> int:
         return hash(self.hash)

@@ -150,9 +150,9 @@ def _cable(section: Any, path: Path, before: Any) -> Any:
 def _plant(section: Any, path: Path, before: Any) -> Any:
     if section.plant is None:
         return None
-    with asked_for_by(f"{path}: cable.plant"):
+    with error_context(f"{path}: cable.plant"):
         found = resolve("plants.plant_file:PlantFile").again(section.plant, path.parent, before)
-    with asked_for_by(f"{path}: cable.parameters"):
+    with error_context(f"{path}: cable.parameters"):
         return found.with_parameters(section.parameters)
 
 
