@@ -76,6 +76,15 @@ def test_interpreted_and_compiled_agree_bit_for_bit() -> None:
         assert envelope == quick.envelope[k]
 
 
+@pytest.mark.parametrize("rate", [901.3, 1111.1, 1925.9])
+def test_between_two_samples_a_cubic_is_read_where_it_is(rate: float) -> None:
+    places = np.array([-1.0, 0.0, 1.0, 2.0])
+    for weights in prepare_onset(rate).between:
+        part = float(np.dot(weights, places))
+        assert 0.0 < part < 1.0
+        assert [np.dot(weights, places**power) for power in range(4)] == pytest.approx([1.0, part, part**2, part**3])
+
+
 SIZES = ("input.origin", "input.value", "input.largest_step", "sections", "past", "sigma")
 POWERS = ("powers", "mains.power", "squares", "null", "size", "strength")
 

@@ -283,6 +283,7 @@ def test_what_a_worn_suit_shows_is_where_it_is_behind_its_sensors() -> None:
     [
         SUIT._replace(spool_radius=math.nan),
         SUIT._replace(substeps=0),
+        SUIT._replace(posture=-11.0),  # no sheath is bent ten times as far as the elbow
         SUIT._replace(arm=Arm(inertia=math.nan)),
         SUIT._replace(wearer=Wearer(share=math.nan)),
         SUIT._replace(flexor=SUIT.flexor._replace(kind="capstan"), sheath=Sheath(loss=0.1)),
