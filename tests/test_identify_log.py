@@ -2,7 +2,6 @@
 
 import gzip
 import math
-import shlex
 import sys
 import warnings
 from collections.abc import Callable
@@ -408,14 +407,26 @@ def test_time_in_another_unit_is_noticed(factor: float, level: str | None, said:
         ("elbow motor (rad)", "elbow joint angle (rad)"),
     ],
 )
-def test_the_columns_that_a_refusal_suggests_are_taken(motor: str, joint: str, write: Write) -> None:
+def test_words_in_the_names_say_which_column_is_which(motor: str, joint: str, write: Write) -> None:
     file = write(text(rows(TIME, MOTOR, JOINT, JOINT, JOINT), f"time_s,{motor},{joint},elbow_torque_nm,motor_vel"))
-    with pytest.raises(LogError, match="; perhaps --motor ") as refused:
-        read_log(file)
-    said = shlex.split(str(refused.value).rpartition("perhaps ")[2].partition(", with")[0])
-    named = {option.removeprefix("--"): name for option, name in zip(said[::2], said[1::2], strict=True)}
-    assert named == {"motor": motor, "joint": joint}
-    assert read_log(file, **named).joint == pytest.approx(JOINT, abs=1e-5)
+    found = read_log(file)
+    assert found.joint == pytest.approx(JOINT, abs=1e-5)
+    assert found.warnings[:2] == tuple(
+        f"{side} is column {name!r}, by a word in it" for side, name in (("motor", motor), ("joint", joint))
+    )
+
+
+@pytest.mark.parametrize(
+    "names", ["header.stamp,winch/encoder [rad],arm/elbow [rad]", "a.time,a.motor.angle,a.joint.pos"]
+)
+def test_names_within_others_are_known_by_their_ends(names: str, write: Write) -> None:
+    assert read_log(write(text(header=names)), unit="rad").motor == pytest.approx(MOTOR, abs=1e-5)
+
+
+def test_units_say_which_column_is_the_time_and_which_the_other_angle(write: Write) -> None:
+    log = read_log(write(text(["ms,rad,rad", *rows(1e3 * TIME, MOTOR, JOINT)], "Zeit,Motor,Ellenbogen")))
+    for found, true in ((log.time, TIME), (log.motor, MOTOR), (log.joint, JOINT)):
+        assert found == pytest.approx(true, abs=1e-5)
 
 
 REFUSED: dict[str, tuple[str | bytes, str]] = {

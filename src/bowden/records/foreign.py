@@ -11,7 +11,7 @@ import resource
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,29 +38,36 @@ def _matlab(path: str) -> Columns:
     """Numbers of a file of version 4 to 7, at the top or inside a struct."""
     from scipy.io import loadmat
 
-    found: Columns = {}
-    todo: list[tuple[str, Any]] = list(loadmat(path, simplify_cells=True).items())
-    for name, value in todo:
+    found: dict[tuple[str, ...], NDArray[Any]] = {}
+    todo: list[tuple[tuple[str, ...], Any]] = [((), loadmat(path, simplify_cells=True))]
+    for within, value in todo:
         if isinstance(value, dict):
-            todo += value.items()
+            todo += [((*within, name), one) for name, one in value.items()]
         elif isinstance(value, np.ndarray) and value.dtype.kind in "fiuc" and value.size > 1:
-            found[name] = value + 0.0
-    return found
+            found[within] = value + 0.0
+    return _named(found)
+
+
+def _named(found: Mapping[tuple[str, ...], NDArray[Any]]) -> Columns:
+    """Columns by their names and those of what they stand in, but for what all stand in."""
+    levels = [len(set(level)) == 1 for level in zip(*(within[:-1] for within in found), strict=False)]
+    shared = [*levels, False].index(False)
+    return {".".join(within[shared:]): values for within, values in found.items()}
 
 
 def _hdf5(path: str) -> Columns:
-    """Sets of numbers by their last names; MATLAB writes a matrix by its columns."""
+    """Sets of numbers; MATLAB writes a matrix by its columns."""
     import h5py
 
-    found: Columns = {}
+    found: dict[tuple[str, ...], NDArray[Any]] = {}
 
     def visit(name: str, one: Any) -> None:
         if isinstance(one, h5py.Dataset) and one.dtype.kind in "fiu" and one.size > 1 and not name.startswith("#refs#"):
-            found[name.rpartition("/")[2]] = one[()].T + 0.0
+            found[tuple(name.split("/"))] = one[()].T + 0.0
 
     with h5py.File(path) as file:
         file.visititems(visit)
-    return found
+    return _named(found)
 
 
 def _workbook(path: str) -> Columns:

@@ -2,14 +2,14 @@
 
 import math
 import re
-import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from bowden.core.errors import LogError
 from bowden.core.files import printable
 from bowden.core.units import RADIANS
-from bowden.records.units import UNITS
+from bowden.records.units import UNITS, unit_of
 
 TIMES = (
     "time",
@@ -66,6 +66,7 @@ _PLACES = {
 }
 """Words in a column's name that say on which side it was measured; the last one, only where no other does."""
 _ANGLES = ("deg", "rad", "turns", "counts")
+_TIME_UNITS = ("s", "ms", "us", "ns")
 _NO_ANGLE = ("torque", "force", "current", "volt", "temp", "vel", "speed", "emg", "target", "command", "cmd", "ref")
 
 FACTORS = {"deg": RADIANS, "rad": 1.0, "turns": math.tau, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -82,6 +83,8 @@ class LogColumn:
     """As written in the log."""
     unit: str | None
     """As `bowden.records.units.UNITS` has it; None where the log does not say."""
+    by_word: bool = False
+    """True if a word in its name says what it is, and not the name itself."""
 
 
 def split_name(name: str) -> tuple[str, str | None]:
@@ -106,6 +109,7 @@ def find_columns(
     where: str,
     known: Mapping[str, Sequence[str]] = CABLE,
     optional: Collection[str] = (),
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, LogColumn]:
     """Time, motor and joint, or other roles, among a log's columns.
 
@@ -115,21 +119,29 @@ def find_columns(
         where: the log, for messages.
         known: role → its common names.
         optional: roles that a log need not have, unless the user names a column for them.
+        units: name → unit, where the log says it apart from the names.
 
     Raises:
         LogError: a column is not there, and the message lists those that are; or is there twice.
     """
+    wishes = {role: given.get(role) for role in known}
+    places = {role: _guess(known[role], names) if one is None else _named(one, names) for role, one in wishes.items()}
+    said = [split_name(name)[1] or unit_of(units.get(name, "")) for name in names]
+    times = [k for k, unit in enumerate(said) if unit in _TIME_UNITS]
+    if places.get("time", 0) is None and wishes["time"] is None and len(times) == 1:
+        places["time"] = times[0]
+    pair = _by_words(names, said) if {*_PLACES} <= {*known} else {}
+    words = {side: place for side, place in pair.items() if wishes[side] is None and place != places[side]}
+    if all(places[side] is not None for side in pair):
+        words = {}
     found: dict[str, LogColumn] = {}
     missing: list[str] = []
-    for role in known:
-        wanted = given.get(role)
-        index = _guess(known[role], names) if wanted is None else _named(wanted, names)
-        if index is None and role in optional and wanted is None:
-            continue
-        if index is None:
+    for role, place in (places | words).items():
+        wanted = wishes[role]
+        if place is not None:
+            found[role] = LogColumn(place, printable(names[place].strip()), said[place], role in words)
+        elif wanted is not None or role not in optional:
             missing.append(f"a column {wanted!r} for the {role}" if wanted is not None else f"a {role} column")
-        else:
-            found[role] = LogColumn(index, printable(names[index].strip()), split_name(names[index])[1])
     listed = ", ".join(repr(name.strip()) for name in names[:12]) + (", …" if len(names) > 12 else "")
     if missing:
         *first, last = known
@@ -141,8 +153,7 @@ def find_columns(
         rate = "; of a log without times, give the rows' rate: --rate 1000, or rate= in Python" if no_time else ""
         raise LogError(
             f"{where}: no {' and no '.join(part.removeprefix('a ') for part in missing)} among {listed}",
-            do=f"name the columns: {options}, or {keywords} in Python{rate}"
-            + (_suggested(names) if {*_PLACES} <= {*known} - {role for role in given if given[role]} else ""),
+            do=f"name the columns: {options}, or {keywords} in Python{rate}",
         )
     written = [printable(name.strip()) for name in names]
     for column in found.values():
@@ -168,18 +179,16 @@ def sides_in(given: Mapping[str, str | None], names: Sequence[str]) -> set[str]:
     return found
 
 
-def _suggested(names: Sequence[str]) -> str:
-    """The options for both sides, where words in the names of one column each say which it is; else nothing."""
+def _by_words(names: Sequence[str], units: Sequence[str | None]) -> dict[str, int]:
+    """The columns of motor and joint, where words in the names of one column each say which it is; else nothing.
+
+    Where a word says it of one side, the other is the one other column that is in a unit of angles.
+    """
     of_motor = _with_word("motor", names)
     of_joint = [k for k in _with_word("joint", names) if k not in of_motor]
-    if not of_motor and len(of_joint) == 1:  # the one other column of angles
-        of_motor = [k for k in _angles(names) if k not in of_joint and split_name(names[k])[1] in _ANGLES]
-    if len(of_motor) != 1 or len(of_joint) != 1:
-        return ""
-    motor, joint = (names[one[0]].strip() for one in (of_motor, of_joint))
-    units = all(split_name(one)[1] in _ANGLES for one in (motor, joint))
-    unit = "" if units else ", with --unit deg or --unit rad"
-    return f"; perhaps --motor {shlex.quote(motor)} --joint {shlex.quote(joint)}{unit}"
+    angles = [k for k in _angles(names) if k not in (*of_motor, *of_joint) and units[k] in _ANGLES]
+    of_motor, of_joint = of_motor or angles, of_joint or angles
+    return {"motor": of_motor[0], "joint": of_joint[0]} if len(of_motor) == len(of_joint) == 1 else {}
 
 
 def _with_word(side: str, names: Sequence[str]) -> list[int]:
@@ -195,15 +204,28 @@ def _angles(names: Sequence[str]) -> list[int]:
 
 
 def _named(wanted: str, names: Sequence[str]) -> int | None:
-    plain = [name.strip().strip('"') for name in names]
-    if wanted in plain:
-        return plain.index(wanted)
-    lower = [name.lower() for name in plain]
-    if lower.count(wanted.lower()) == 1:
-        return lower.index(wanted.lower())
-    return int(wanted) - 1 if wanted.isdecimal() and 1 <= int(wanted) <= len(names) else None
+    """A column by its name, by the end of a name within others, or by its number."""
+    plain = [name.strip().strip('"').lower() for name in names]
+    exact = [k for k, name in enumerate(names) if name.strip().strip('"') == wanted]
+    text = wanted.lower()
+    ends = [k for k, name in enumerate(plain) if re.split(r"[./]", name)[-1] == text]
+    for found in (exact, [k for k, name in enumerate(plain) if name == text], ends):
+        if len(found) == 1 or (found is exact and found):
+            return found[0]
+    return int(text) - 1 if text.isdecimal() and 1 <= int(text) <= len(names) else None
 
 
 def _guess(known: Sequence[str], names: Sequence[str]) -> int | None:
-    plain = [split_name(name)[0] for name in names]
-    return next((plain.index(name) for name in known if name in plain), None)
+    """A column of a common name; else one whose name ends so within others: motor.angle_deg, header.stamp."""
+    plain = [[split_name(name)[0]] for name in names]
+    within = [
+        [split_name(name.strip()[at.end() :])[0] for at in re.finditer(r"[./]", name.strip())]
+        if k in _angles(names)
+        else []
+        for k, name in enumerate(names)
+    ]
+    for ends in (plain, within):
+        for one in known:
+            if (place := next((k for k, end in enumerate(ends) if one in end), None)) is not None:
+                return place
+    return None

@@ -201,7 +201,8 @@ def read_file(file: Path, layout: Layout) -> Log:
     named = {side: (raw.columns[side].name, raw.columns[side].unit) for side in SIDES}
     angles, guessed = angles_of(named, raw.values, units)
     seconds, notes, timed = seconds_of(raw, rate, file)
-    said = (*warnings, *guessed, *notes)
+    words = [f"{role} is column {one.name!r}, by a word in it" for role, one in raw.columns.items() if one.by_word]
+    said = (*words, *warnings, *guessed, *notes)
     return prepare(seconds, angles, file.name, raw.place, units.apart, said, time_unit_known=timed)
 
 
@@ -288,9 +289,7 @@ def read_columns(
         LogError: the file cannot be read, or has no such columns.
     """
     table = with_angles(read_table(file))
-    columns = find_columns(table.names, given, str(file), known, optional)
-    for role, column in columns.items():
-        columns[role] = LogColumn(column.index, column.name, column.unit or unit_of(table.units.get(column.name, "")))
+    columns = find_columns(table.names, given, str(file), known, optional, table.units)
     clock = columns["time"].index if "time" in columns else None
     values = table.numbers([column.index for column in columns.values()], clock) if columns else []
     if values and not len(values[0]):
