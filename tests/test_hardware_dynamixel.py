@@ -18,7 +18,7 @@ from bowden.hardware.buses.place import ERROR
 from bowden.hardware.buses.serial_bus import SerialBus, port_of
 from bowden.hardware.drives.families.dynamixel import FAMILY, MODELS, DynamixelParameters
 from bowden.hardware.drives.on_can import require
-from bowden.hardware.drives.servo_table import Register, cycle_time
+from bowden.hardware.drives.servo_table import ServoRegister, cycle_time
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.servo_node import ServoNode
 from support.lines import Line
@@ -85,7 +85,7 @@ def test_a_fast_answer_is_one_of_each_servo() -> None:
 
 @pytest.mark.parametrize("sign", [0, 15])
 def test_a_signed_register_keeps_its_value(sign: int) -> None:
-    register = Register(0, 2, signed=True, sign=sign)
+    register = ServoRegister(0, 2, signed=True, sign=sign)
     for value in (-32767, -1, 0, 1, 32767):
         assert register.decode(register.encode(value)) == value
 

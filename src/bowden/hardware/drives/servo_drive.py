@@ -30,7 +30,7 @@ from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.findings import UNWATCHED
 from bowden.hardware.drives.on_can import place
 from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, motor_limits, nearest
-from bowden.hardware.drives.servo_table import Reader, Sample, joint_scale, motor_scale
+from bowden.hardware.drives.servo_table import BlockReader, ServoSample, joint_scale, motor_scale
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -141,7 +141,7 @@ class ServoDialogue:
                 do="look up what its firmware allows, and load a later one with its maker's tool",
             )
 
-    def sample(self, fast: bool) -> Sample | None:
+    def sample(self, fast: bool) -> ServoSample | None:
         """What it says in a cycle; None where it does not answer such a question."""
         address, length, _ = self._table.block()
         head = self._table.packets.sync_read(address, length, fast=fast)
@@ -152,9 +152,9 @@ class ServoDialogue:
                 data[2:] if identifier == self.number and len(data) == 2 + length and data[0] == STATUS else None
             ),
         )
-        return None if said is None else Reader(self._table).sample(said)
+        return None if said is None else BlockReader(self._table).sample(said)
 
-    def prepare(self) -> Sample:
+    def prepare(self) -> ServoSample:
         """Let it show in one piece what a cycle reads, and read that.
 
         Raises:
@@ -205,7 +205,7 @@ class ServoDrive(Driver):
 
     def _prepare(self) -> None:
         drive, table = self._drive, self._drive.table
-        self._reader, self._packets = Reader(table), table.packets
+        self._reader, self._packets = BlockReader(table), table.packets
         self.turn, self.most_counts = float(table.turn), float(table.furthest)
         self._goal, torque = table.registers["Goal Position"], table.registers["Torque Enable"]
         self._goal_head = self._packets.sync_write(self._goal.address, self._goal.size)
@@ -308,7 +308,7 @@ class ServoDrive(Driver):
             self._take_joint(sample)
         return True
 
-    def _take_motor(self, sample: Sample, now: float) -> None:
+    def _take_motor(self, sample: ServoSample, now: float) -> None:
         drive, readings, found = self._drive, self._readings, self._found
         if self._unanswered == 0:
             readings.foreign += 1.0  # it answers somebody else
@@ -327,7 +327,7 @@ class ServoDrive(Driver):
         sampled = now if math.isnan(self._written) else self._written
         readings.moved(found.motor.angle(sample.position), current, float(sample.temperature), sampled)
 
-    def _take_joint(self, sample: Sample) -> None:
+    def _take_joint(self, sample: ServoSample) -> None:
         """The joint's angle, in the turn around home: its servo forgets the turn as well."""
         turn = float(self._drive.table.turn)
         counts = (sample.position - self._joint_zero + 0.5 * turn) % turn - 0.5 * turn

@@ -36,7 +36,7 @@ JointServo = Annotated[
 ]
 
 
-class Register(NamedTuple):
+class ServoRegister(NamedTuple):
     """A value in a servo's memory."""
 
     address: int
@@ -65,7 +65,7 @@ class Register(NamedTuple):
         return value - (1 << 8 * self.size) if value >> 8 * self.size - 1 else value
 
 
-class Sample(NamedTuple):
+class ServoSample(NamedTuple):
     """What a servo says in a cycle."""
 
     torque: int
@@ -81,7 +81,7 @@ class Sample(NamedTuple):
 
 CYCLIC = ("Torque Enable", "Hardware Error Status", "Bus Watchdog", "Present Current", "Present Position",
           "Present Temperature")  # fmt: skip
-"""Registers of a `Sample`, in its order; what a servo has not stays 0."""
+"""Registers of a `ServoSample`, in its order; what a servo has not stays 0."""
 
 
 class ServoTable(NamedTuple):
@@ -89,7 +89,7 @@ class ServoTable(NamedTuple):
 
     protocol: str
     """Name in `packets.PROTOCOLS`."""
-    registers: Mapping[str, Register]
+    registers: Mapping[str, ServoRegister]
     """By the makers' names; a name for one thing in both families."""
     model: int
     """Its number."""
@@ -111,12 +111,12 @@ class ServoTable(NamedTuple):
         """Of its protocol."""
         return PROTOCOLS[self.protocol]
 
-    def parts(self) -> list[Register | None]:
-        """The registers of a `Sample`; None of what it has not."""
+    def parts(self) -> list[ServoRegister | None]:
+        """The registers of a `ServoSample`; None of what it has not."""
         return [self.registers.get(name) for name in CYCLIC]
 
     def block(self) -> tuple[int, int, tuple[int, ...]]:
-        """What a cycle reads: its address, its length, and where in it the parts of a `Sample` begin."""
+        """What a cycle reads: its address, its length, and where in it the parts of a `ServoSample` begin."""
         parts = self.parts()
         there = [one for one in parts if one is not None]
         if self.indirect is None:
@@ -136,16 +136,16 @@ class ServoTable(NamedTuple):
         )
 
 
-class Reader:
-    """Makes a `Sample` of what a cycle has read."""
+class BlockReader:
+    """Makes a `ServoSample` of what a cycle has read."""
 
     def __init__(self, table: ServoTable) -> None:
         _, self.length, starts = table.block()
         self._parts = tuple(zip(table.parts(), starts, strict=True))
 
-    def sample(self, data: bytes) -> Sample:
+    def sample(self, data: bytes) -> ServoSample:
         """Of as many bytes as the block has."""
-        return Sample(*(one.decode(data[at : at + one.size]) if one is not None else 0 for one, at in self._parts))
+        return ServoSample(*(one.decode(data[at : at + one.size]) if one is not None else 0 for one, at in self._parts))
 
 
 def cycle_time(drives: Sequence[Any]) -> float:

@@ -37,7 +37,7 @@ SIZE = 1024
 """Of a memory [bytes]."""
 
 
-class Memory:
+class ServoMemory:
     """Registers of one servo.
 
     Args:
@@ -105,8 +105,8 @@ class ServoNode(TwinNode):
         self.turn = float(table.turn)
         given = drive.as_new()
         registers = {key: int(value) for key, value in self._overrides.items() if isinstance(key, int)}
-        self._own = Memory(table, drive.node_id, given, registers)
-        self._joint = Memory(table, drive.joint_node_id, given, {}) if drive.joint == "servo" else None
+        self._own = ServoMemory(table, drive.node_id, given, registers)
+        self._joint = ServoMemory(table, drive.joint_node_id, given, {}) if drive.joint == "servo" else None
         self._joint_scale = joint_scale(drive)
         self._kicks_until = self._failed = -math.inf
         return motor_scale(drive)
@@ -143,7 +143,7 @@ class ServoNode(TwinNode):
         for one in heard:
             self._obey(one, identifier, data, now)
 
-    def _obey(self, one: Memory, identifier: int, data: bytes, now: float) -> None:
+    def _obey(self, one: ServoMemory, identifier: int, data: bytes, now: float) -> None:
         packets = one.table.packets
         match data[0]:
             case Instruction.PING:
@@ -174,7 +174,7 @@ class ServoNode(TwinNode):
                 if identifier != ALL:
                     self._answer(one, b"", now, NO_INSTRUCTION)
 
-    def _answer(self, one: Memory, said: bytes, now: float, error: int = 0, *, cyclic: bool = False) -> None:
+    def _answer(self, one: ServoMemory, said: bytes, now: float, error: int = 0, *, cyclic: bool = False) -> None:
         wrong = self._error if one is self._own else 0
         alert = (ALERT if wrong else 0) if one.table.packets.fast else wrong
         emit = self._outbox.emit_cyclic if cyclic else self._outbox.emit
@@ -182,7 +182,7 @@ class ServoNode(TwinNode):
         if cyclic and one is self._own and self.faults.active("foreign_replies", now):
             emit((one.number + 100) % 252, bytes((STATUS, 0)) + said, now)
 
-    def _tell(self, one: Memory, address: int, length: int, now: float, *, cyclic: bool = False) -> None:
+    def _tell(self, one: ServoMemory, address: int, length: int, now: float, *, cyclic: bool = False) -> None:
         """What stands there, the measured values as they are now."""
         if not length or address + length > SIZE:
             self._answer(one, b"", now, OUT_OF_RANGE)
@@ -211,7 +211,7 @@ class ServoNode(TwinNode):
         counts = 0.0 if counts == NO_NUMBER else counts
         return round(counts) % self._drive.table.turn
 
-    def _write(self, one: Memory, address: int, value: bytes, now: float) -> int:
+    def _write(self, one: ServoMemory, address: int, value: bytes, now: float) -> int:
         """Set it; the error of an answer, 0 for none."""
         goal = one.table.registers["Goal Position"]
         if address + len(value) > SIZE:
@@ -230,7 +230,7 @@ class ServoNode(TwinNode):
             self._order(now, "Torque Enable is 0")
         return 0
 
-    def _ran_out(self, one: Memory) -> bool:
+    def _ran_out(self, one: ServoMemory) -> bool:
         return "Bus Watchdog" in one and one["Bus Watchdog"] == RAN_OUT
 
     def _enable(self, now: float) -> None:

@@ -13,7 +13,7 @@ from bowden.hardware.drives import on_can
 from bowden.hardware.drives import servo_table as servos
 from bowden.hardware.drives.checklist import Setting, is_about
 from bowden.hardware.drives.findings import finding_text
-from bowden.hardware.drives.servo_table import Register, ServoTable
+from bowden.hardware.drives.servo_table import ServoRegister, ServoTable
 from bowden.rig.families import LOST, DriveNeeds
 
 WATCH_STEP = 20e-3
@@ -31,25 +31,25 @@ ERRORS: Mapping[int, str] = {
 }
 """Bit of an error → what it means (Hardware Error Status)."""
 
-_REGISTERS: Mapping[str, Register] = {
-    "Model Number": Register(0, 2),
-    "Firmware Version": Register(6),
-    "Return Delay Time": Register(9),
-    "Drive Mode": Register(10),
-    "Operating Mode": Register(11),
-    "Homing Offset": Register(20, 4, signed=True),
-    "Current Limit": Register(38, 2),
-    "Torque Enable": Register(64),
-    "Status Return Level": Register(68),
-    "Hardware Error Status": Register(70),
-    "Bus Watchdog": Register(98),
-    "Goal Current": Register(102, 2, signed=True),
-    "Profile Acceleration": Register(108, 4),
-    "Profile Velocity": Register(112, 4),
-    "Goal Position": Register(116, 4, signed=True),
-    "Present Current": Register(126, 2, signed=True),
-    "Present Position": Register(132, 4, signed=True),
-    "Present Temperature": Register(146),
+_REGISTERS: Mapping[str, ServoRegister] = {
+    "Model Number": ServoRegister(0, 2),
+    "Firmware Version": ServoRegister(6),
+    "Return Delay Time": ServoRegister(9),
+    "Drive Mode": ServoRegister(10),
+    "Operating Mode": ServoRegister(11),
+    "Homing Offset": ServoRegister(20, 4, signed=True),
+    "Current Limit": ServoRegister(38, 2),
+    "Torque Enable": ServoRegister(64),
+    "Status Return Level": ServoRegister(68),
+    "Hardware Error Status": ServoRegister(70),
+    "Bus Watchdog": ServoRegister(98),
+    "Goal Current": ServoRegister(102, 2, signed=True),
+    "Profile Acceleration": ServoRegister(108, 4),
+    "Profile Velocity": ServoRegister(112, 4),
+    "Goal Position": ServoRegister(116, 4, signed=True),
+    "Present Current": ServoRegister(126, 2, signed=True),
+    "Present Position": ServoRegister(132, 4, signed=True),
+    "Present Temperature": ServoRegister(146),
 }
 """Of the X series; those of RAM stand `P_SERIES` further in the P series."""
 FIRST_OF_RAM, P_SERIES = 64, 448
@@ -229,7 +229,7 @@ class DynamixelParameters(NamedTuple):
         """Of its watchdog."""
         return round(self.watchdog / WATCH_STEP)
 
-    def error_of(self, sample: servos.Sample) -> int:
+    def error_of(self, sample: servos.ServoSample) -> int:
         """What is wrong with it, 0 for nothing."""
         return sample.error | (WATCH_RAN_OUT if sample.watch == 0xFF else 0)
 

@@ -14,7 +14,7 @@ from bowden.hardware.drives import on_can
 from bowden.hardware.drives import servo_table as servos
 from bowden.hardware.drives.checklist import Setting, is_about
 from bowden.hardware.drives.findings import finding_text
-from bowden.hardware.drives.servo_table import Register, ServoTable
+from bowden.hardware.drives.servo_table import ServoRegister, ServoTable
 from bowden.rig.families import DriveNeeds
 
 ERRORS: Mapping[int, str] = {0: "voltage", 1: "position sensor", 2: "overheating", 3: "over-current", 5: "overload"}
@@ -23,24 +23,24 @@ ERRORS: Mapping[int, str] = {0: "voltage", 1: "position sensor", 2: "overheating
 TABLE = ServoTable(
     "feetech",
     {
-        "Firmware Version": Register(0),
-        "Model Number": Register(3, 2),
-        "Return Delay Time": Register(7),
-        "Status Return Level": Register(8),
-        "Min Position Limit": Register(9, 2),
-        "Max Position Limit": Register(11, 2),
-        "Max Torque Limit": Register(16, 2),
-        "Operating Mode": Register(33),
-        "Torque Enable": Register(40),
-        "Acceleration": Register(41),
-        "Goal Position": Register(42, 2, signed=True, sign=15),
-        "Goal Time": Register(44, 2),
-        "Goal Velocity": Register(46, 2, signed=True, sign=15),
-        "Torque Limit": Register(48, 2),
-        "Present Position": Register(56, 2, signed=True, sign=15),
-        "Present Temperature": Register(63),
-        "Hardware Error Status": Register(65),
-        "Present Current": Register(69, 2, signed=True, sign=15),
+        "Firmware Version": ServoRegister(0),
+        "Model Number": ServoRegister(3, 2),
+        "Return Delay Time": ServoRegister(7),
+        "Status Return Level": ServoRegister(8),
+        "Min Position Limit": ServoRegister(9, 2),
+        "Max Position Limit": ServoRegister(11, 2),
+        "Max Torque Limit": ServoRegister(16, 2),
+        "Operating Mode": ServoRegister(33),
+        "Torque Enable": ServoRegister(40),
+        "Acceleration": ServoRegister(41),
+        "Goal Position": ServoRegister(42, 2, signed=True, sign=15),
+        "Goal Time": ServoRegister(44, 2),
+        "Goal Velocity": ServoRegister(46, 2, signed=True, sign=15),
+        "Torque Limit": ServoRegister(48, 2),
+        "Present Position": ServoRegister(56, 2, signed=True, sign=15),
+        "Present Temperature": ServoRegister(63),
+        "Hardware Error Status": ServoRegister(65),
+        "Present Current": ServoRegister(69, 2, signed=True, sign=15),
     },
     model=777,
     turn=4096,
@@ -120,7 +120,7 @@ class FeetechParameters(NamedTuple):
         low, high = get("Min Position Limit"), get("Max Position Limit")
         return (low, high) if low < high else (0, self.table.turn - 1)
 
-    def error_of(self, sample: servos.Sample) -> int:
+    def error_of(self, sample: servos.ServoSample) -> int:
         """What is wrong with it, 0 for nothing."""
         return sample.error
 
