@@ -1,12 +1,9 @@
-"""A cycle of each law and a sample of the detector: interpreted, compiled, exported, on a Cortex-M4F; ``make bench``.
-
-That all three give the same is tests/test_export_law.py's and tests/test_export_parts.py's. With names only these are
-run, and nothing is written.
-"""
+"""A cycle of each law and a sample of the detector: interpreted, compiled, exported, on a Cortex-M4F."""
 
 import argparse
 import ctypes
 import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -20,7 +17,6 @@ from bowden.control.conditioning import condition_start, condition_step
 from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
-from bowden.export import cortex
 from bowden.export.files import files
 from bowden.export.law import law_module
 from bowden.export.module import Module
@@ -35,6 +31,9 @@ from bowden.sim.emg import contractions
 from bowden.sim.run import inputs_of, simulate
 from hand_c import compiler
 from measure import by_turns, machine, table, write_rows
+
+sys.path.append(str(Path(__file__).parents[1] / "tests"))
+from support import cortex
 
 Array = NDArray[np.float64]
 TIMED, INTERPRETED, ON_CHIP, ROUNDS = 20_000, 1_000, 2_000, 15
@@ -69,7 +68,7 @@ void steps(const double *values, long count, double *out)
 {
     static onset_OnsetState state;
     onset_Trouble trouble;
-    onset_start(&state, (onset_real)values[0]);
+    onset_start(&state);
     for (long k = 0; k < count; ++k)
         out[k] = (double)onset_step(&state, (onset_real)values[k], &trouble);
 }
@@ -90,7 +89,8 @@ detector_real detector_step(
 #include "detector.h"
 void detector_start(detector_LawState *state, const detector_Sample *sample)
 {
-    onset_start(state, sample->value);
+    (void)sample;
+    onset_start(state);
 }
 detector_real detector_step(
     detector_LawState *state, const detector_Sample *sample, const detector_Reference *reference)
@@ -101,7 +101,7 @@ detector_real detector_step(
 }
 """,
 }
-"""What `bowden.export.cortex` measures is a law: the first number of its sample is the signal here."""
+"""What `support.cortex` measures is a law: the first number of its sample is the signal here."""
 
 
 class Subject(NamedTuple):

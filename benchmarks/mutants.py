@@ -53,7 +53,7 @@ may take [s]: how long it takes on a computer that also does other work says not
 COMPILING = 4.0
 """What compiling anew adds to the first test of a file that reaches a kernel in compiled code alone [s]."""
 CASES = 3
-"""Of one test that come before other tests' turn."""
+"""Of one test that wait for no others."""
 ALIVE = ("survives", "no test")
 
 COMPARED = {ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
@@ -607,16 +607,16 @@ def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
     """The tests that run what is changed.
 
     Those first that run it as Python, which waits for no compiler, and of these the quick ones that run little beside
-    it; of one that has many cases no more than a few before others' turn.
+    it; of one that has many cases the further ones wait for others as if they took longer.
     """
     chosen, cases = [], Counter[str]()
     for name, row in sorted(tests.items(), key=lambda item: item[1]["time"]):
         if (compiled := runs(mutant, row)) is not None:
             cases[name.partition("[")[0]] += 1
             rank, reach = cases[name.partition("[")[0]] // CASES, len(row["plain"]) + len(row["compiled"])
-            chosen.append((compiled, rank, reach * (0.1 + row["time"]), row["time"], name))
+            chosen.append((compiled, reach * (0.1 + row["time"]) * (1.0 + rank), row["time"], name))
     total, names, files = 0.0, [], set[str]()
-    for compiled, _, _, cost, name in sorted(chosen):
+    for compiled, _, cost, name in sorted(chosen):
         total += cost + COMPILING * (compiled and name.partition("::")[0] not in files)
         files.add(name.partition("::")[0])
         if not names or total < BUDGET:

@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bowden import Rig
 from bowden.control import LAWS
 from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law
 from bowden.control.law_parts import Filtered, lowpass_second_order
+from bowden.control.laws.repetitive import Stroke, followed
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.control.stability import adaptive_model, margins, servo_model
 from bowden.core.signals import Reference, Sample
@@ -24,6 +27,25 @@ from support import bench_runs
 DT = 1e-3
 NAMES = ("disturbance_observer", "adaptive_sliding_mode", "repetitive")
 STROKE = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 2.0)
+
+
+@given(st.floats(0.5, 1.5), st.floats(0.5, 1.5), st.floats(0.0, 0.4), st.sampled_from([-1.0, 1.0]), st.booleans())
+def test_a_stroke_repeats_the_one_before_if_it_is_as_long_and_as_far_but_for_the_sameness(
+    longer: float, further: float, sameness: float, way: float, repeated: bool
+) -> None:
+    """While it lasts it may still become as long, and goes on as what it was; the first of all repeats nothing."""
+    before, band = Stroke(way, 2.0 * longer - DT, 0.1, 2.0, 0.5, repeated), 0.01
+    here, lasted = 0.1 + 0.5 * way * further, pytest.approx(2.0 * longer)
+    onward = followed(before, Reference(here, way, 0.0), band, sameness, DT)
+    assert onward[:5] == (way, lasted, 0.1, 2.0, 0.5)
+    if abs(longer - 1.0 - sameness) > DT:
+        assert onward.repeated == (repeated and longer < 1.0 + sameness)
+    turned = followed(before, Reference(here, -way, 0.0), band, sameness, DT)
+    assert turned[:5] == (-way, 0.0, here, lasted, pytest.approx(0.5 * further))
+    if min(abs(abs(one - 1.0) - sameness) for one in (longer, further)) > DT:
+        assert turned.repeated == (abs(longer - 1.0) < sameness and abs(further - 1.0) < sameness)
+    first = followed(before._replace(direction=0.0), Reference(here, way, 0.0), band, sameness, DT)
+    assert first[:5] == (way, 0.0, here, 0.0, 0.0)
 
 
 def rig(omega: float, damping: float, delay: int, sample_time: float) -> Knowledge:

@@ -108,7 +108,7 @@ def test_a_cycle_is_sense_source_conditioner_law_and_supervisor(
 ) -> None:
     """Each part gets what the one before it gave, and the same on states that are kept flat."""
     put_in(monkeypatch, source, SUPERVISED)
-    filters, sample = Filters(30.0, 60.0), Sample(0.25, 0.35)
+    filters, sample = Filters(30.0, 60.0), Sample(0.25, 0.35, 0.0, 0.0)
     settings = CycleSettings(LAW.gains, LAW.conditioning, source.settings, filters, LIMITS)
     supervisor = begin(LIMITS, OBSERVED.reading, ThermalState(25.0, 25.0, 0.0))
     begun = source_begun(source.settings, Measurement(0.1, 0.2, 0.3, 0.4))
@@ -116,13 +116,13 @@ def test_a_cycle_is_sense_source_conditioner_law_and_supervisor(
     state = CycleState(sample, Memory(0.7, 0.8, 0.9, 1.0), shown, begun, supervisor)
     after, reference, target, verdict = one_cycle(settings, state, OBSERVED, Plan(leads, 0.45, REFERENCE), DT)
 
-    seen = Sample(low_pass(0.25, 0.3, 30.0, DT), low_pass(0.35, 0.4, 60.0, DT))
+    seen = Sample(low_pass(0.25, 0.3, 30.0, DT), low_pass(0.35, 0.4, 60.0, DT), 0.0, 0.0)
     law, expected, wanted, added = state.law, REFERENCE, supervisor.target, 0.0
     if leads == TargetSource.LAW_BEGINS:
         law, shown = law_begun(LAW.gains, seen), condition_start(LAW.conditioning, seen)
-        begun = source_begun(source.settings, Measurement(*seen, 0.5, 0.6))
+        begun = source_begun(source.settings, Measurement(*seen[:2], 0.5, 0.6, *seen[2:]))
     if leads in (TargetSource.LAW_BEGINS, TargetSource.LAW):
-        measured = Measurement(*seen, 0.5, 0.6)
+        measured = Measurement(*seen[:2], 0.5, 0.6, *seen[2:])
         begun, expected, added = source_stepped(source.settings, begun, measured, REFERENCE, DT)
         conditioned = condition_step if source.conditioned else unconditioned
         shown, told = conditioned(LAW.conditioning, shown, expected, DT)

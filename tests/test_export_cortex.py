@@ -10,9 +10,9 @@ from bowden.control.conditioning import Conditioned
 from bowden.control.law import Law
 from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
-from bowden.export import cortex
 from bowden.export.files import files
 from bowden.export.law import law_module
+from support import cortex
 
 pytestmark = pytest.mark.skipif(bool(cortex.tools()), reason=f"not installed: {', '.join(cortex.tools())}")
 DT, CYCLES = 1e-3, 600

@@ -207,6 +207,16 @@ def test_a_preflight_that_failed_never_runs(board: Board) -> None:
     assert Mode.RUNNING not in modes(list(board.run(2000, preflight=-1.0)))
 
 
+def test_a_contraction_flexes_the_joint(tmp_path: Path) -> None:
+    board, random = Board(tmp_path / "code", emg=True), np.random.default_rng(2)
+    size = np.where(np.arange(9000) // 500 == 10, 20.0, 1.0)  # a contraction of half a second, after the way to rest
+    told = [board.step(REQUESTS.get(k, Request.NONE), emg=size[k] * random.normal()) for k in range(9000)]
+    position = np.array([row["position"] for row in told])
+    assert np.nanmax(position[:5000]) == pytest.approx(RIG.emg.low, abs=0.01)
+    assert position[-1] == pytest.approx(RIG.emg.high, abs=1e-6)
+    assert told[-1]["joint"] == pytest.approx(RIG.emg.high, abs=np.radians(2.0))
+
+
 def test_emg_that_falls_silent_stops_after_its_limit(tmp_path: Path) -> None:
     board, random = Board(tmp_path / "code", emg=True), np.random.default_rng(1)
     begun = [board.step(REQUESTS.get(k, Request.NONE), emg=random.normal()) for k in range(2000)]

@@ -11,7 +11,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import flat, unflatten_like
 from bowden.core.signals import DriveReading
-from bowden.export.module import Argument, Module, Public
+from bowden.export.module import Constant, Module, Public
 from bowden.export.parts import emg_modules, safety_module
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.faults import Fault, Reaction
@@ -33,7 +33,7 @@ def exported_emg(rate: float, values: Array, folder: Path, *, single: bool = Fal
     rows = np.column_stack([np.arange(len(values)) == 0, values])
     envelope, onset = emg_modules(rate)
     chain = Exported(envelope, "step", "envelope_start(&state, value)", folder, single=single).over(rows)
-    found = Exported(onset, "step", "onset_start(&state, value)", folder, single=single).over(rows)
+    found = Exported(onset, "step", "onset_start(&state)", folder, single=single).over(rows)
     return np.column_stack([chain[:, -2:], found[:, -2:], found[:, -3]])
 
 
@@ -72,7 +72,25 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         angle = 0.3 * np.sin(6e-3 * max(0, n - 40))
         state = 4.0 if n > 8 else 2.0
         request = {5: Request.ARM, 30: Request.RUN, 396: Request.ACKNOWLEDGE}.get(n, Request.NONE)
-        reading = [angle, 0.9 * angle, 1.0, 20.0, 30.0, 0.0, 0.0, 0.001, state, 0.0, 0.0, 0.0, 1e-3, 2.0]
+        reading = [
+            angle,
+            0.9 * angle,
+            1.0,
+            20.0,
+            30.0,
+            0.0,
+            0.0,
+            0.001,
+            state,
+            0.0,
+            0.0,
+            0.0,
+            1e-3,
+            2.0,
+            0.1,
+            0.02,
+            0.0,
+        ]
         values = [*reading, 1e-5, DT, 0.01, 0.02, angle + 0.01]
         recorder, preflight = True, PreflightResult.PASSED if n > 20 else PreflightResult.PENDING
         if n > 150 and random.random() < 0.02:
@@ -82,9 +100,9 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         others = {300: Reaction.R2, 350: Reaction.R3}.get(n if k // 400 % 3 == 2 else -1, Reaction.NONE)
         neighbour = {200: angle + 9.0, 210: np.nan}.get(n, angle if n < 250 or k // 400 % 3 else angle - 1.0)
         reference = {60: np.nan, 330: np.inf}.get(n, 0.9 * angle + (0.6 if n % 120 < 40 and k // 400 % 4 == 1 else 0.0))
-        lateness, elapsed, operator_age, emg_age, requested = values[14:]
+        lateness, elapsed, operator_age, emg_age, requested = values[17:]
         observed = Observed(
-            DriveReading(*values[:14]), lateness, elapsed, request, operator_age, recorder, preflight, emg_age
+            DriveReading(*values[:17]), lateness, elapsed, request, operator_age, recorder, preflight, emg_age
         )
         yield float(n == 0), observed._replace(others=others, neighbour=neighbour, reference=reference), requested
 
@@ -136,10 +154,9 @@ def test_exported_gate_gives_the_bits_of_python(count: int, tmp_path: Path) -> N
 @pytest.mark.long
 def test_the_intent_of_two_muscles_that_overlap_gives_the_bits_of_python(tmp_path: Path) -> None:
     state, two = intent_start(0.0), IntentSettings(muscles=2)
-    muscles = Argument("flexes", False), Argument("extends", False), Argument("dt", DT)
-    given = Argument("settings", two, constant=True), Argument("state", state), *muscles
-    begin_ = Public("start", intent_start, (Argument("position", 0.0),), ("state",), "")
-    module = Module("intent", "", (begin_, Public("step", intent_step, given, ("state", "reference"), "")))
+    begin_ = Public("start", intent_start, ("state",), "")
+    step = Public("step", intent_step, ("state", "reference"), "", {"settings": Constant(two)})
+    module = Module("intent", "", (begin_, step))
     time = np.arange(12000) * DT
     on = np.column_stack([time % 3.1 < 1.2, (time + 2.3) % 3.1 < 1.2])
     rows = np.column_stack([np.arange(12000) == 0, on, np.full(12000, DT)])

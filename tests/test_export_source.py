@@ -26,8 +26,8 @@ from bowden.core.quantity import Quantity
 from bowden.export.files import files
 from bowden.export.kinds import identifier
 from bowden.export.law import law_module
-from bowden.export.module import Argument, Module, Public
-from bowden.export.parts import emg_modules, safety_module
+from bowden.export.module import Constant, Module, Public
+from bowden.export.parts import begun, emg_modules, safety_module
 from bowden.safety.limits import Limits
 from bowden.sensing.envelope import PLAIN_THRESHOLD
 from support.exported_c import COMPILER, Exported, bits
@@ -123,10 +123,9 @@ EVERYTHING = everything, Memory((0.0,) * 4, Pair(0.0), Mode.OFF, False, 0, 0.0)
 
 def module_of_everything() -> Module:
     step, state = EVERYTHING
-    numbers = Argument("x", 0.0), Argument("y", 0.0)
-    given = Argument("count", 3, constant=True), Argument("state", state), *numbers
-    begins = ("start", state, 0.123, "Before the first.")
-    return Module("all", "", (Public("step", step, given, ("state", "return"), ""),), begins=begins)
+    given = {"count": Constant(3), "state": state, "x": 0.0, "y": 0.0}
+    start = Public("start", begun, ("state",), "Before the first.", {"begin": Constant(state)})
+    return Module("all", "", (start, Public("step", step, ("state", "return"), "", given)))
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")
@@ -134,7 +133,7 @@ def test_every_statement_and_operation_gives_the_bits_of_python(tmp_path: Path) 
     step, state = EVERYTHING
     pairs = list(itertools.product(EXTREMES, EXTREMES)) + np.random.default_rng(1).normal(0, 2, (500, 2)).tolist()
     rows = np.column_stack([np.arange(len(pairs)) == 0, pairs])
-    found = Exported(module_of_everything(), "step", "all_start(&state, x)", tmp_path).over(rows)
+    found = Exported(module_of_everything(), "step", "all_start(&state)", tmp_path).over(rows)
     twin, other = compiled(step), state
     for (x, y), row in zip(pairs, found, strict=True):
         with np.errstate(all="ignore"):

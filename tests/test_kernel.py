@@ -225,11 +225,6 @@ def test_a_plain_function_stays_plain_and_is_not_compiled() -> None:
     assert marked(1.5) == compiled(marked)(1.5) == 1.5
 
 
-def test_a_twin_is_made_once() -> None:
-    assert compiled(bouc_wen.advance) is compiled(bouc_wen.advance)
-    assert compiled(bouc_wen.advance) is not compiled(bouc_wen.travel_step)
-
-
 def test_specialise_puts_other_kernels_in() -> None:
     twins = [specialise(_outer, name, _inner=inner) for name, inner in (("twice", _twice), ("thrice", _thrice))]
     assert [twin(Pair(1.0, 2.0)) for twin in twins] == [5.0, 7.0]

@@ -10,8 +10,15 @@ from hypothesis import strategies as st
 from scipy.special import hyp2f1
 
 from bowden.core.kernel import compiled
-from bowden.core.units import DEGREES
-from bowden.models.cable.bouc_wen import BoucWen, joint_angle, saturation, slope_of_h, travel_step
+from bowden.models.cable.bouc_wen import (
+    BoucWen,
+    advance_prepared,
+    joint_angle,
+    prepare_cable,
+    saturation,
+    slope_of_h,
+    travel_step,
+)
 from bowden.models.cable.bouc_wen import advance as plain_advance
 
 advance = compiled(plain_advance)
@@ -38,6 +45,17 @@ def walk(path: np.ndarray, cable: BoucWen, h: float = 0.0) -> np.ndarray:
     return np.array(values)
 
 
+def power(y: float, cable: BoucWen) -> float:
+    """q of y = h·direction."""
+    return (2.0 * cable.shape - 1.0 if y > 0.0 else -1.0) * abs(y) ** cable.exponent
+
+
+def gone(y: float, cable: BoucWen) -> float:
+    """ρ·travel since zero."""
+    n = cable.exponent
+    return float(y * hyp2f1(1.0, 1.0 / n, 1.0 + 1.0 / n, power(y, cable)))
+
+
 @given(cables, inside, st.floats(-3.0, 3.0), st.sampled_from([1.0, 0.1, 0.01]))
 @settings(max_examples=1000)
 def test_travel_is_the_integral_of_eq_7(cable: BoucWen, share: float, travel: float, scale: float) -> None:
@@ -45,20 +63,43 @@ def test_travel_is_the_integral_of_eq_7(cable: BoucWen, share: float, travel: fl
 
     So that h knows no time, and how a travel is cut changes nothing.
     """
-    bound, n, direction = saturation(cable), cable.exponent, math.copysign(1.0, travel)
-
-    def power(y: float) -> float:
-        return (2.0 * cable.shape - 1.0 if y > 0.0 else -1.0) * abs(y) ** n
-
-    def gone(y: float) -> float:
-        return float(y * hyp2f1(1.0, 1.0 / n, 1.0 + 1.0 / n, power(y)))
-
+    bound, direction = saturation(cable), math.copysign(1.0, travel)
     z = scale * bound * abs(travel)
     h = share * bound
     after = advance(h, direction * z / cable.rate, cable)
-    left = 1.0 - power(direction * after)
-    assume(left > 1e-5 and power(direction * h) < 0.99999)
-    assert (gone(direction * after) - gone(direction * h) - z) * left == pytest.approx(0.0, abs=3e-10 * bound)
+    left = 1.0 - power(direction * after, cable)
+    assume(left > 1e-5 and power(direction * h, cable) < 0.99999)
+    went = gone(direction * after, cable) - gone(direction * h, cable)
+    assert (went - z) * left == pytest.approx(0.0, abs=3e-10 * bound)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("exponent", "order"), [(1.7, 5), (2.5, 5), (3.0, 6)])
+def test_away_from_zero_half_the_step_leaves_the_power_of_the_series_order(
+    exponent: float, order: int, side: float
+) -> None:
+    cable = BoucWen(rate=1.0, shape=1.5, exponent=exponent)
+    begin = 0.7 * side * saturation(cable)
+    travel = 0.2 * abs(begin) if order == 6 else 0.045 * abs(begin)
+
+    def in_steps(count: int) -> float:
+        steps = prepare_cable(cable)._replace(near_zero=0.0, piece=travel / count * (1.0 + 1e-12))
+        return advance_prepared(begin, travel, steps)
+
+    exact = in_steps(64)
+    coarse, fine = (abs(in_steps(count) - exact) for count in (2, 4))
+    assert math.log2(coarse / fine) == pytest.approx(order, abs=0.4)
+
+
+@pytest.mark.parametrize("exponent", [1.5, 2.0])
+@pytest.mark.parametrize("shape", [1.5, 0.8])
+def test_through_zero_the_series_is_exact_to_the_fifth_power_of_what_it_grows_by(exponent: float, shape: float) -> None:
+    cable, left = BoucWen(rate=1.0, shape=shape, exponent=exponent), []
+    for size in (0.4, 0.2):
+        whole = prepare_cable(cable)._replace(near_zero=9.0, piece=9.0)
+        after = advance_prepared(-0.5 * size, size, whole)
+        left.append(abs(gone(after, cable) - gone(-0.5 * size, cable) - size))
+    assert math.log2(left[0] / left[1]) > 1.0 + 5.0 * exponent - 0.3
 
 
 @given(cables, inside, turning_points)
@@ -99,29 +140,6 @@ def test_the_laws_single_step_is_close_to_the_exact_one(share: float, scaled: fl
 @pytest.mark.parametrize("travel", [0.0, -0.0, math.nan])
 def test_no_travel_changes_nothing(travel: float) -> None:
     assert advance(0.2, travel, PAPER) == 0.2
-
-
-def test_erratum_5_dead_zone() -> None:
-    """In radians: h saturates at 0.383, and the loop is 2·0.129·0.383 rad = 5.7° high at the joint."""
-    assert saturation(PAPER) == pytest.approx(0.383, abs=5e-4)
-    cycle = 0.6 * np.cos(np.linspace(0.0, 4.0 * np.pi, 4001))
-    h = walk(cycle, PAPER)
-    falling, rising = h[2500], h[3500]  # at mid-stroke
-    dead_zone = abs(PAPER.hysteresis_gain) * (rising - falling) * DEGREES
-    assert dead_zone == pytest.approx(5.66, abs=0.01)
-    assert dead_zone == pytest.approx(2.0 * 0.129 * saturation(PAPER) * DEGREES, rel=1e-6)
-
-
-def test_erratum_6_the_printed_cable_first_moves_the_wrong_way() -> None:
-    """Right after a reversal d(joint)/d(motor) is −0.26 (from h = 0) to −0.32 (from saturation); 0.9° are lost."""
-    bound = saturation(PAPER)
-    for h, expected in ((0.0, -0.256), (bound, -0.323)):
-        slope = PAPER.slope - PAPER.hysteresis_gain * slope_of_h(h, -1.0, PAPER)
-        assert slope == pytest.approx(expected, abs=5e-4)
-    motor = np.linspace(0.0, -0.3, 3001)
-    h = walk(motor, PAPER, bound)
-    joint = np.array([joint_angle(m, v, PAPER) for m, v in zip(motor, h, strict=True)])
-    assert (joint.max() - joint[0]) * DEGREES == pytest.approx(0.9, abs=0.05)
 
 
 def test_a_slower_cable_is_monotone() -> None:

@@ -214,20 +214,6 @@ def test_the_capstan_ratio_of_a_steady_pull(lumped: LumpedTendon) -> None:
     assert PULL(cable, memory, 1.0) / load == pytest.approx(math.exp(0.15 * math.pi), rel=1e-3)
 
 
-@both
-def test_interpreted_and_compiled_tendon_agree_bit_for_bit(lumped: LumpedTendon) -> None:
-    cable = prepare_lumped(lumped._replace(tendon=Tendon(elements=4)))
-    fast, plain, last = START(cable, 0.2, 1.0), lumped_cable.start_lumped(cable, 0.2, 1.0), 0.2
-    random = np.random.default_rng(6)
-    for motor, width in zip(random.uniform(-0.5, 2.0, 30).tolist(), random.uniform(0.5, 1.5, 30).tolist(), strict=True):
-        ADVANCE(cable, fast, last, motor, width, 1e-3)
-        lumped_cable.advance_lumped(cable, plain, last, motor, width, 1e-3)
-        for one, other in zip(fast, plain, strict=True):
-            assert one.tolist() == other.tolist()
-        assert PULL(cable, fast, width) == lumped_cable.lumped_pull(cable, plain, width)
-        last = motor
-
-
 @pytest.mark.parametrize(
     "change",
     [

@@ -223,17 +223,6 @@ def test_without_friction_it_is_a_spring() -> None:
         assert JOINT(prepared, walk(prepared, path)) == pytest.approx(loose * path[-1], rel=1e-12)
 
 
-def test_interpreted_and_compiled_tendon_agree_bit_for_bit() -> None:
-    fast, plain = START(PREPARED, 0.2, 1.0), sliding_cable.start_tendon(PREPARED, 0.2, 1.0)
-    random = np.random.default_rng(5)
-    for motor, width in zip(random.uniform(-0.5, 2.0, 60).tolist(), random.uniform(0.5, 1.5, 60).tolist(), strict=True):
-        ADVANCE(PREPARED, fast, motor, width)
-        sliding_cable.advance_tendon(PREPARED, plain, motor, width)
-        for one, other in zip(fast, plain, strict=True):
-            assert one.tolist() == other.tolist()
-        assert MOTOR_TENSION(PREPARED, fast) == sliding_cable.motor_tension(PREPARED, plain)
-
-
 @pytest.mark.parametrize(
     "change",
     [

@@ -229,18 +229,20 @@ def test_the_spools_friction_holds_or_slows_it_and_never_turns_it_back(
     assert after == (pytest.approx(0.2 + dt * after.velocity), after.velocity, current, *REST[3:])
 
 
-@given(st.floats(-0.2, 0.2), st.floats(-50.0, 50.0), st.floats(-0.1, 0.1), st.floats(-1.0, 1.0), st.floats(-9.0, 9.0))
+@given(
+    *(st.floats(-most, most) for most in (0.2, 50.0, 0.1, 1.0, 9.0)), st.floats(1.0, 50.0), st.sampled_from([0.2, 3.0])
+)
 def test_the_drive_is_a_pd_loop_within_what_current_and_supply_allow(
-    error: float, speed: float, y: float, push: float, more: float
+    error: float, speed: float, y: float, push: float, more: float, supply: float, resistance: float
 ) -> None:
-    motor, dt = MOTOR._replace(integral=20.0, friction_feedforward=2.0), 1e-3
+    motor, dt = MOTOR._replace(integral=20.0, friction_feedforward=2.0, supply=supply, resistance=resistance), 1e-3
     after = drive_motor(motor, SpoolState(0.5, speed, 9.0, y, 0.5 + error, push, more), 0.5 + error, dt)
     omega, zeta = motor.servo.natural_frequency, motor.servo.damping
     constant, free = motor.gear * motor.torque_constant, push - push * dt / (FADING + dt)
     wanted = motor.inertia * (omega**2 * (error + y) - 2.0 * zeta * omega * speed) + 2.0 * free + more
     ends = [(sign * motor.supply - constant * speed) / motor.resistance for sign in (-1.0, 1.0)]
     low, high = max(-motor.current_limit, ends[0]), min(motor.current_limit, ends[1])
-    assert after.current == pytest.approx(min(high, max(low, wanted / constant)))
+    assert after.current == pytest.approx(max(low, min(high, wanted / constant)))
     acts = abs(error) > BAND and low < wanted / constant < high
     assert after.offset == pytest.approx(y + (dt * 20.0 * error if acts else 0.0))
     assert after[:2] + after[4:] == (0.5, speed, 0.5 + error, pytest.approx(free), more)

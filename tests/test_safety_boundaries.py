@@ -160,6 +160,7 @@ PULLED: Changes = {"limits.slack_sign": 1.0, "reading.joint": 0.36, "state.joint
 PUSHED: Changes = {**motor_at(-0.4, -0.35), "state.decided.mode": Mode.RELEASING, "state.decided.joint_at_release": 0.0}
 Edge = tuple[Fault, str, float, float, Changes]
 AT_JOINT: Changes = {"limits.measures_torque": 1.0, "limits.torque_high": 16.0, "reading.joint_torque": 3.0}
+ESTIMATED = {"limits.estimates_joint": True, "limits.joint_std": 0.125}
 OFF: Changes = {"observed.reference": 1.0, "state.timers.off_reference": 31 * DT + TINY}
 """A joint that has been off its reference for as long as it may."""
 SHARED: Changes = {
@@ -429,6 +430,9 @@ EDGES: list[Edge] = [
     (Fault.JOINT_OFF_REFERENCE, "state.decided.mode", Mode.RELEASING, Mode.RUNNING, OFF),
     (Fault.JOINT_OFF_REFERENCE, "state.decided.mode", Mode.RELEASING, Mode.BRIDGING, OFF),
     (Fault.JOINT_OFF_REFERENCE, "state.servo.enabled", 0.0, 1.0, {**OFF, "reading.drive_state": 3.0}),
+    (Fault.JOINT_UNSURE, "reading.joint_std", 0.125, 0.125 + TINY, ESTIMATED),
+    (Fault.JOINT_UNSURE, "reading.joint_std", 0.0, NAN, ESTIMATED),
+    (Fault.JOINT_UNSURE, "limits.estimates_joint", False, True, {**ESTIMATED, "reading.joint_std": 0.25}),
 ]
 """A fault; what shows it; its last good value, its first bad one; what else is so."""
 

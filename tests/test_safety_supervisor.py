@@ -332,6 +332,7 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.LOAD_STUCK: moved(tension=lambda k, tension: 20.0),
     Fault.MOTORS_APART: lasting(1, neighbour=0.5) + lasting(60, neighbour=0.0),
     Fault.JOINT_OFF_REFERENCE: lasting(60, reference=1.1),
+    Fault.JOINT_UNSURE: lasting(9, joint_std=0.16),
 }
 """Each fault as the only one, or the first: what shows it."""
 
@@ -358,6 +359,8 @@ def situation(fault: Fault) -> tuple[Limits, SupervisorState, list[Cycle]]:
         cycles = [*lasting(1, request=Request.STOP), *rows]
     elif fault == Fault.MOTORS_APART:
         limits = limits._replace(shared=True)
+    elif fault == Fault.JOINT_UNSURE:
+        limits = limits._replace(estimates_joint=True)
     elif fault == Fault.JOINT_OFF_REFERENCE:
         limits = limits._replace(off_reference_time=0.05)
     elif fault == Fault.TARGET_TOO_FAR:

@@ -163,19 +163,6 @@ def test_many_turns_stay_in_range_and_end_at_an_end(waits: list[float], duration
     assert rows[-1, 1] == rows[-1, 2] == 0.0
 
 
-@pytest.mark.parametrize("by", [ONE, TWO], ids=["one muscle", "two"])
-def test_interpreted_and_compiled_agree_bit_for_bit(by: IntentSettings) -> None:
-    slow = fast = intent_start(0.1)
-    level, quick = Reference(0.0, 0.0, 0.0), Reference(0.0, 0.0, 0.0)
-    for k in range(375):
-        on, back = k % 175 < 88, 75 <= k % 175 < 150
-        slow, a = intent_step(by, slow, on, back, 4.0 * DT)
-        fast, b = compiled(intent_step)(by, fast, on, back, 4.0 * DT)
-        level = proportional(ONE, level, float(on), 0.4, 4.0 * DT)
-        quick = compiled(proportional)(ONE, quick, float(on), 0.4, 4.0 * DT)
-        assert (slow, a, level) == (fast, b, quick)
-
-
 def test_minimum_jerk_from_a_motion_meets_both_ends() -> None:
     begin = Reference(0.3, -0.7, 2.0)
     assert minimum_jerk_from(begin, 1.2, 1.5, 0.0) == pytest.approx(begin)

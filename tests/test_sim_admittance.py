@@ -11,17 +11,18 @@ from hypothesis import strategies as st
 from bowden.control import LAWS
 from bowden.control.admittance.push import ROOM, push_source, stretched
 from bowden.control.admittance.virtual_elbow import Admittance, admittance_step, beyond_band
-from bowden.control.reference import PointToPoint
-from bowden.control.source import TABLE, Measurement
+from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
+from bowden.control.source import Measurement
+from bowden.control.stability import servo_model
 from bowden.core.kernel import compiled
-from bowden.core.nested import flat
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 from bowden.design.felt import felt
 from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
-from bowden.models.suit.suit_angle import flexor_arm, spool_of
+from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_of
 from bowden.plants.presets.suit import suit
-from bowden.plants.suit_push import limit_for, push_of
+from bowden.plants.suit_parts import prepare_suit
+from bowden.plants.suit_push import ANGLES, behind, friction_of, limit_for, ports_of, push_of
 from bowden.sim.run import simulate
 from support.pushed_suit import (
     MIDDLE,
@@ -157,6 +158,69 @@ def test_a_limp_arm_floats_where_the_suit_carries_it() -> None:
     assert sinking["joint"][-1] < ends[1] - 10.0 * RADIANS
 
 
+UNEVEN = SUIT._replace(flexor=SUIT.flexor._replace(stiffness=7e3), delay=3, sample_time=2e-3)
+
+
+@pytest.mark.parametrize(("number", "angle", "taut"), [(k, ANGLES[k // 2], 1.0 - k % 2) for k in range(6)])
+def test_a_port_s_stiffnesses_are_the_curvatures_of_its_springs_energy(number: int, angle: float, taut: float) -> None:
+    """Of cable and fabric in series, where nothing pulls; its gear is the turn of the spool per motor motion."""
+    made, port, small = prepare_suit(UNEVEN), ports_of(UNEVEN)[number], 1e-4
+    flexor, extensor = (
+        1.0 / (1.0 / one.stiffness + 1.0 / UNEVEN.fabric.stiffness) for one in (UNEVEN.flexor, UNEVEN.extensor)
+    )
+
+    def energy(spool: float, joint: float) -> float:
+        pulled = made.map.radius * spool - flexor_travel(angle + joint, made.map) + flexor_travel(angle, made.map)
+        let_out = made.joint_radius * joint - made.extensor_radius * spool
+        return 0.5 * flexor * pulled**2 + 0.5 * taut * extensor * let_out**2
+
+    def curvature(a: tuple[float, float], b: tuple[float, float]) -> float:
+        at = [
+            (s * t * energy(s * a[0] + t * b[0], s * a[1] + t * b[1])) for s in (small, -small) for t in (small, -small)
+        ]
+        return sum(at) / (4.0 * small**4)
+
+    spool, joint = (1.0, 0.0), (0.0, 1.0)
+    assert port.spool_stiffness == pytest.approx(curvature(spool, spool), rel=1e-3)
+    assert port.joint_stiffness == pytest.approx(curvature(joint, joint), rel=1e-3)
+    assert port.across == pytest.approx(-curvature(spool, joint), rel=1e-3)
+    turned = spool_of(angle + small, made.map) - spool_of(angle - small, made.map)
+    assert port.gear == pytest.approx(turned / (2.0 * small), rel=1e-4)
+    if number == 2:  # the middle of the range, both taut
+        assert push_of(UNEVEN, LAWS["bowden"], Admittance()).under.compliance == pytest.approx(
+            1.0 / port.joint_stiffness
+        )
+
+
+def test_led_by_its_lag_a_drive_is_where_the_virtual_elbow_is() -> None:
+    """A law that inverts the drive itself is not led, and one without feedback is shown no stretch."""
+    under, drive = push_of(UNEVEN, SURE, Admittance()).under, UNEVEN.motor.servo
+    plant = servo_model(drive, UNEVEN.sample_time, UNEVEN.delay, 1.0)
+    rows = PeriodicMinimumJerk(0.0, 1.0, 10.0).sample(np.arange(0.0, 10.0, UNEVEN.sample_time))
+    x, errors = np.zeros((len(plant.a), 1)), []
+    for position, velocity, acceleration in rows.tolist():
+        errors.append(float((plant.c @ x)[0, 0] - position))
+        x = plant.a @ x + plant.b * (position + under.lead * velocity + under.lead_square * acceleration)
+    assert np.max(np.abs(errors)) < 2e-3
+    assert (ports_of(UNEVEN)[0].lead, ports_of(UNEVEN)[0].lead_square) == (under.lead, under.lead_square)
+    assert under.compliance == 0.0
+    inverting = push_of(UNEVEN, LAWS["bowden"], Admittance()).under
+    assert (inverting.lead, inverting.lead_square) == (0.0, 0.0)
+
+
+def test_what_friction_keeps_the_motor_behind_the_drive_pulls_with() -> None:
+    made, motor = prepare_suit(UNEVEN), UNEVEN.motor
+    turn = (spool_of(ANGLES[1] + 1e-4, made.map) - spool_of(ANGLES[1] - 1e-4, made.map)) / 2e-4
+    for made_up in (0.0, 0.1):
+        pull = behind(UNEVEN, made_up) * turn * motor.inertia * motor.servo.natural_frequency**2
+        assert pull == pytest.approx(friction_of(UNEVEN) - made_up, rel=1e-6)
+    assert behind(UNEVEN, 99.0) == 0.0
+    for share, own in ((0.5, 0.0), (1.0, 0.1), (0.0, 0.1)):
+        suit_ = UNEVEN._replace(motor=motor._replace(friction_feedforward=own))
+        left = push_of(suit_, SURE, Admittance(), friction_share=share).under.friction
+        assert left == pytest.approx(max(0.0, share * friction_of(UNEVEN) - own))
+
+
 def test_at_its_start_the_source_is_where_the_motor_is_and_knows_of_no_push() -> None:
     settings_ = push_of(SUIT, SURE, Admittance())
     for motor, joint in ((0.7, 0.5), (0.3, 0.9)):
@@ -207,18 +271,6 @@ def test_a_lost_load_cell_stops_the_reference() -> None:
         speeds.append(reference.velocity)
     assert speeds[199] > 0.5
     assert speeds[-1] < 1e-3
-
-
-def test_a_source_is_the_same_compiled() -> None:
-    for source in (TABLE, push_source(push_of(SUIT, LAWS["bowden"], Admittance(), estimated=True, carried=1.0))):
-        start, step = compiled(source.start_kernel), compiled(source.step_kernel)
-        measured, told = Measurement(0.7, 0.72, 0.5, 1.0), Reference(0.1, 0.2, 0.3)
-        slow, fast = source.start(measured), start(source.settings, measured)
-        for k in range(200):
-            now = Measurement(0.7 + 0.001 * k, 0.7 + 0.0012 * k, np.nan if k == 50 else 0.01 * k, 0.5)
-            slow, *given = source.step(slow, now, told, 1e-3)
-            fast, *twins = step(source.settings, fast, now, told, 1e-3)
-            assert np.array_equal(flat((slow, *given)), flat((fast, *twins)), equal_nan=True)
 
 
 def test_the_table_is_the_reference_that_was_asked_for() -> None:

@@ -33,6 +33,7 @@ from bowden.plants.cable_plant import CablePlant
 from bowden.plants.counting import Counting
 from bowden.plants.identified import CableModel
 from bowden.plants.plant import SheathState
+from bowden.plants.predicted import joint_along
 from bowden.plants.recounted import recounted
 from bowden.sim.run import simulate
 from support.cable_models import MODELS
@@ -162,6 +163,28 @@ def test_the_current_is_what_spool_and_spring_need_through_the_slope_that_is_lef
         assert substep.acceleration_limit == pytest.approx(min(limit, most))
 
 
+@pytest.mark.parametrize("servo", [Servo(54.4, 0.6), Servo(54.4, 0.6, 4.0, 300.0)], ids=["free", "limited"])
+@pytest.mark.parametrize(
+    "plant",
+    [Bench(), *(CablePlant(CABLES[name]) for name in ("play", "stack", "bouc_wen"))],
+    ids=lambda plant: plant.dynamics().name,
+)
+def test_a_cable_that_pulls_both_ways_alike_knows_no_side(plant: Any, servo: Servo) -> None:
+    """Mirrored commands move the joint to the mirrored angles, through turns and at the servo's limits."""
+    there, back = (
+        simulate(
+            plant._replace(servo=servo, substeps=7),
+            LAWS["uncompensated"],
+            PeriodicMinimumJerk(0.0, way * 0.8, 0.4),
+            duration=2.0,
+        )
+        for way in (1.0, -1.0)
+    )
+    for column in ("joint", "motor"):
+        np.testing.assert_allclose(back[column], -there[column], rtol=0.0, atol=1e-12)
+    assert np.ptp(there["joint"]) > 0.1
+
+
 def test_a_wider_sheath_widens_the_play() -> None:
     sheath = Sheath(bend=1.0)
     narrow, wide = (
@@ -216,6 +239,18 @@ def test_a_model_that_lacks_a_parameter_is_refused(name: str) -> None:
         cables.identified(name, {key: value for key, value in MODELS[name].items() if key != lost})
     with pytest.raises(ParameterError, match="'line' is missing"):
         cables.identified("line", MODELS[name])
+
+
+@pytest.mark.parametrize("name", [*MODELS, "sliding", "lumped_coulomb"])
+def test_no_model_looks_ahead(name: str) -> None:
+    """Where the joint is now hangs on where the motor has been, and not on where it will go."""
+    parameters = MODELS.get(name, {"friction": 0.1, "elements": 6.0})
+    motor = 0.5 + 0.4 * np.sin(np.linspace(0.0, 9.0, 60))
+    joint = joint_along(name, parameters, motor)
+    for count in (1, 2, 31):
+        other = np.concatenate((motor[:count], motor[count:] + 0.3))
+        assert joint_along(name, parameters, other)[:count] == pytest.approx(joint[:count], abs=1e-12)
+    assert np.ptp(joint) > 0.3
 
 
 def test_a_lagging_load_follows_the_cable_as_a_first_order_system() -> None:

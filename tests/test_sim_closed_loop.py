@@ -198,10 +198,3 @@ def test_a_trace_knows_what_made_it() -> None:
 def test_absurd_runs_are_refused(bench: Bench, duration: float) -> None:
     with pytest.raises(ParameterError, match="expected"):
         simulate(bench, LAWS["uncompensated"], STROKE, duration=duration)
-
-
-def test_the_law_s_states_are_recorded_with_their_units() -> None:
-    trace = simulate(Bench(), LAWS["adaptive"], PeriodicMinimumJerk(0.0, 1.0, 4.0), duration=0.1)
-    assert trace.units["law.bound"] == "rad"
-    assert trace.units["law.joint_rate"] == "rad/s"
-    assert set(trace.units) == set(trace.columns)

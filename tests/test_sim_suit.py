@@ -38,6 +38,7 @@ from bowden.plants.suit_plant import (
     suit_start,
     suit_step,
 )
+from bowden.plants.suit_push import friction_of
 from bowden.plants.suit_settings import SuitSettings
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
@@ -155,40 +156,15 @@ def test_a_frictionless_undamped_suit_keeps_its_energy() -> None:
     assert energy(suit, state) == pytest.approx(first, abs=0.05 * moving)
 
 
-@pytest.mark.parametrize("kind", ["play", "capstan", "bouc_wen"])
-def test_uncompensated_the_elbow_lags_and_the_cables_only_pull(kind: str) -> None:
-    trace = run(kind)
-    for column in ("flexor_tension", "flexor_motor_tension", "extensor_tension", "extensor_motor_tension"):
-        assert trace[column].min() >= 0.0
-    half = (trace.time > 10.0) & (trace.time < 15.0)  # flexing: the elbow is below; then above
-    back = (trace.time > 16.0) & (trace.time < 20.0)
-    assert np.mean(trace.error[half]) < -5.0 * RADIANS
-    assert np.mean(trace.error[back]) > 3.0 * RADIANS
-    assert np.max(np.abs(trace["current"])) <= SUIT.motor.current_limit
-
-
-def test_electrical_is_mechanical_power_and_heat_and_the_winding_warms() -> None:
-    trace = run()
-    mechanical, electrical = trace.power()
-    np.testing.assert_allclose(electrical - mechanical, 0.199 * trace["current"] ** 2, atol=1e-9)
-    warmed = trace["winding_temperature"][-1] - trace["winding_temperature"][0]
-    heat = np.trapezoid(0.199 * trace["current"] ** 2, trace.time)
-    assert 0.2 * heat / 15.0 < warmed < 1.1 * heat / 15.0  # 15 J/K, less what has gone to the housing
-
-
 def test_the_friction_that_a_run_shows_is_that_of_drive_gears_and_sheaths() -> None:
     """(F + k·r·(r_f + r_e))/η and the gears' loss on what the cables carry, of which the spool's F is the most."""
     shown, made = spool_friction(run(), 10.0), prepare_suit(SUIT)
     held = SUIT.flexor.stiffness * SUIT.flexor.half_width * (SUIT.spool_radius + made.extensor_radius)
     least = (SUIT.motor.friction + held) / SUIT.motor.efficiency
     assert 0.9 * least < shown < 1.2 * least
-
-
-def test_the_feed_forward_of_friction_takes_away_most_of_what_the_pd_drive_leaves() -> None:
-    told = SUIT._replace(motor=SUIT.motor._replace(friction_feedforward=spool_friction(run(), 10.0)))
-    helped = simulate(told, LAWS["uncompensated"], MOTION, duration=20.0)
-    left, before = (float(np.max(np.abs(trace.error[trace.time > 10.0]))) for trace in (helped, run()))
-    assert left < 0.5 * before
+    assert friction_of(SUIT) == pytest.approx(least)
+    capstan = SUIT._replace(flexor=SUIT.flexor._replace(kind="capstan"))
+    assert friction_of(capstan) == pytest.approx(SUIT.motor.friction / SUIT.motor.efficiency)
 
 
 UNEVEN = SUIT._replace(
@@ -201,6 +177,12 @@ UNEVEN = SUIT._replace(
 PI = sheath_state(UNEVEN.sheath, math.pi)
 PUSHING = Wearer(0.3, 0.5, 5.0, 2.0, 0.7, 1.2, 1.5)
 tensions = st.floats(0.0, 200.0)
+
+
+def test_friction_has_of_the_feeders_drag_the_mean_of_both_ways() -> None:
+    smooth, made = UNEVEN._replace(flexor=UNEVEN.flexor._replace(half_width=0.0)), prepare_suit(UNEVEN)
+    ways = [UNEVEN.motor.friction + drag for drag in (made.map.radius * 30.0, made.extensor_radius * 20.0)]
+    assert friction_of(smooth) * UNEVEN.motor.efficiency == pytest.approx(np.mean(ways))
 
 
 @given(st.floats(-0.3, 2.8), st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.tuples(*[tensions] * 4), st.booleans())

@@ -9,10 +9,12 @@ from bowden.core.nested import flat
 from bowden.core.signals import DriveReading, Power
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.evidence import has_power
-from bowden.safety.faults import Reaction
+from bowden.safety.faults import Fault, Reaction
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Observed, PreflightResult, Request
 from bowden.safety.supervisor import begin, supervise
+
+FAULTS = len(Fault)
 
 
 @kernel
@@ -80,6 +82,9 @@ def assault(
             anything(random, 0.0, 0.0, 0.0, 1.0, wild),
             anything(random, 0.0, 0.0, 0.0, 1.0, wild),
             anything(random, 5.0, 1.0, -limits.torque_high, limits.torque_high, wild),
+            anything(random, 0.01, 0.01, 0.0, 1.0, wild),
+            anything(random, 0.02, 0.01, 0.0, limits.joint_std, wild),
+            anything(random, 0.9 * near, 0.05, limits.joint_low, limits.joint_high, wild),
         )
         requested_target = near + 0.002 * (random.random() - 0.5)
         elapsed = anything(random, dt, 0.0, 0.0, limits.clock_gap, wild)
@@ -117,7 +122,7 @@ def assault(
         fine = np.isfinite(verdict.target) and limits.motor_low <= verdict.target <= limits.motor_high
         fine = fine and abs(verdict.target - target) <= most + 1e-15
         fine = fine and (verdict.power == Power.OFF or (verdict.power == Power.ON and has_power(verdict.mode)))
-        fine = fine and verdict.faults >= 0 and verdict.faults < 1 << 50
+        fine = fine and verdict.faults >= 0 and verdict.faults < 1 << FAULTS
         for number in flat(state):
             fine = fine and np.isfinite(number)
         wrong += 0 if fine else 1

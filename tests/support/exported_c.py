@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.export.files import files, results_of
-from bowden.export.kinds import Row, Struct, identifier, is_number, kind_of
-from bowden.export.module import Module
+from bowden.export.kinds import Row, Struct, identifier, is_number
+from bowden.export.module import Constant, Module
 from bowden.export.readme import FLAGS
 from bowden.export.unit import Unit
 
@@ -81,7 +81,7 @@ class Exported:
         unit = Unit(module, single=single)
         (public,) = (one for one in module.functions if one.name == name)
         _, kinds, _ = results_of(unit, public)
-        given = [(one.name, kind_of(one.example)) for one in public.arguments if not one.constant]
+        given = [pair for pair in public.kinds.items() if not isinstance(public.given.get(pair[0]), Constant)]
         results = [
             (f"got_{called}" if called != "state" else called, kind)
             for called, kind in zip(public.results, kinds, strict=True)

@@ -158,6 +158,9 @@ def drive_reading(
         0.0,
         0.0,
         np.nan,
+        np.nan,
+        np.nan,
+        np.nan,
     )
 
 

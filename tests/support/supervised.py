@@ -121,13 +121,13 @@ def run_supervised(
     cycles, dt, limits = references.shape[1], drive_settings.dt, settings.limits
     kinds, onsets, now = settings.gains.kinds, settings.gains.onsets, settings.gains.now
     drive = drive_start(drive_settings, initial_motor, sheath_at(sheath, 0))
-    seen = Sample(drive.place.joint, drive.place.motor)
+    seen = Sample(drive.place.joint, drive.place.motor, math.nan, math.nan)
     drive, first = drive_reading(drive_settings, drive, np.zeros(normals.shape[1]))
     state = CycleState(
         seen,
         law_start(settings.gains, seen),
         condition_start(settings.conditioning, seen),
-        source_start(settings.source, Measurement(seen.joint, seen.motor, 0.0, math.nan)),
+        source_start(settings.source, Measurement(seen.joint, seen.motor, 0.0, math.nan, math.nan, math.nan)),
         begin(limits, first, thermal),
     )
     record[:, :] = math.nan

@@ -7,6 +7,7 @@
 command. As laws are, sources are kernels, and `specialise` puts them in a loop.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -27,6 +28,10 @@ class Measurement(NamedTuple):
     """Measured current of the motor [A]."""
     load: float
     """Torque of the suit on the elbow as a load cell says, flexing positive; NaN where there is none [N·m]."""
+    joint_age: float = math.nan
+    """As in `Sample` [s]."""
+    joint_std: float = math.nan
+    """As in `Sample` [rad]."""
 
 
 @placeholder

@@ -11,7 +11,6 @@ from types import FunctionType
 from typing import Any, TypeVar
 
 from bowden.core.errors import ParameterError, near
-from bowden.core.kernel_cache import keep
 from bowden.core.kernel_content import (
     Parts,
     content_of,
@@ -151,6 +150,8 @@ def _compile(function: FunctionType, name: str, parts: Parts, *, within: bool) -
     twin.__qualname__, twin.__module__ = f"{name}_{content[:16]}" if content else name, function.__module__
     dispatcher = _njit(twin, **options)
     if content is not None:
+        from bowden.core.kernel_cache import keep  # what only describes a rig compiles nothing
+
         keep(dispatcher, f"{function.__module__} {content} {within}")
     return dispatcher
 

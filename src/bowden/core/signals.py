@@ -16,6 +16,10 @@ class Sample(NamedTuple):
     """Joint-side (distal) angle, the paper's φ_out [rad]."""
     motor: float
     """Motor-side (proximal) angle, the paper's φ_in [rad]."""
+    joint_age: float = math.nan
+    """Since the last value of the joint's sensor, where the angle is an estimate; NaN of an encoder [s]."""
+    joint_std: float = math.nan
+    """Standard deviation of the joint's angle, where it is an estimate; NaN of an encoder [rad]."""
 
 
 class Reference(NamedTuple):
@@ -104,3 +108,9 @@ class DriveReading(NamedTuple):
     """Since the drive took its newest sample, at the beginning of this cycle [s]."""
     joint_torque: float = math.nan
     """Torque of the suit on the joint as a load cell says, flexing positive [N·m]."""
+    joint_sensor_age: float = math.nan
+    """Since the last value of the joint's sensor, where its angle is an estimate [s]."""
+    joint_std: float = math.nan
+    """Standard deviation of the joint's angle, where it is an estimate [rad]."""
+    joint_sensor: float = math.nan
+    """Value of the joint's sensor, where one came in this cycle and no encoder's [rad]."""

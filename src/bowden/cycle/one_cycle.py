@@ -155,7 +155,10 @@ def one_cycle(
     if plan.source == TargetSource.LAW_BEGINS:
         law = law_start(settings.gains, sample)
         conditioned = condition_start(settings.conditioning, sample)
-        source = source_start(settings.source, Measurement(sample.joint, sample.motor, measured.current, measured.load))
+        begun = Measurement(
+            sample.joint, sample.motor, measured.current, measured.load, sample.joint_age, sample.joint_std
+        )
+        source = source_start(settings.source, begun)
     if plan.source == TargetSource.LAW_BEGINS or plan.source == TargetSource.LAW:
         source, reference, added = source_step(settings.source, source, measured, plan.reference, dt)
         conditioned, shown = cycle_condition(settings.conditioning, conditioned, reference, dt)
@@ -181,7 +184,7 @@ def as_measured(
     settings: CycleSettings, state: CycleState, observed: Measurement, dt: float
 ) -> tuple[Sample, Measurement]:
     """`cycle_sense` of a bare law: the readings as they are."""
-    return Sample(observed.joint, observed.motor), observed
+    return Sample(observed.joint, observed.motor, observed.joint_age, observed.joint_std), observed
 
 
 @kernel
@@ -215,18 +218,22 @@ def bare_settings(gains: Any, conditioning: Conditioning, source: Any) -> CycleS
 @kernel
 def bare_start(settings: CycleSettings, measured: Measurement) -> CycleState:
     """The state with which a bare law begins."""
-    sample = Sample(measured.joint, measured.motor)
+    sample = Sample(measured.joint, measured.motor, measured.joint_age, measured.joint_std)
     law, source = law_start(settings.gains, sample), source_start(settings.source, measured)
     conditioned = condition_start(settings.conditioning, sample)
     return CycleState(sample, law, conditioned, source, Unsupervised(measured.motor))
 
 
 @kernel
-def filtered_sample(filters: Filters, before: Sample, readings: ValidatedReadings, dt: float) -> Sample:
+def filtered_sample(
+    filters: Filters, before: Sample, readings: ValidatedReadings, reading: DriveReading, dt: float
+) -> Sample:
     """The last valid angles, each behind its low-pass."""
     return Sample(
         low_pass(before.joint, readings.joint.sensor.value, filters.joint, dt),
         low_pass(before.motor, readings.motor.sensor.value, filters.motor, dt),
+        reading.joint_sensor_age,
+        reading.joint_std,
     )
 
 
@@ -241,12 +248,14 @@ def filtered_measurement(
     """
     readings = validate_readings(settings.limits, state.supervisor, observed, dt)
     joint, motor = readings.joint, readings.motor
-    sample = filtered_sample(settings.filters, state.sample, readings, dt)
+    sample = filtered_sample(settings.filters, state.sample, readings, observed.reading, dt)
     measured = Measurement(
         math.nan if joint.lost or joint.jumped else sample.joint,
         math.nan if motor.lost or motor.jumped else sample.motor,
         observed.reading.current,
         observed.reading.joint_torque,
+        sample.joint_age,
+        sample.joint_std,
     )
     return sample, measured
 
@@ -357,14 +366,14 @@ def cycle_in_place(
     now = CycleSettings(
         unflatten_like(settings.gains, gains), settings.conditioning, settings.source, settings.filters, allowed
     )
-    begun = Sample(0.0, 0.0)
+    begun = Sample(0.0, 0.0, 0.0, 0.0)
     observed = unflatten(NOTHING_OBSERVED, given)
     plan = unflatten(NOTHING_PLANNED, given[_OBSERVED:])
     before = CycleState(
         unflatten(begun, sample),
         unflatten(law_start(now.gains, begun), law),
         unflatten(condition_start(settings.conditioning, begun), conditioned),
-        unflatten(source_start(settings.source, Measurement(0.0, 0.0, 0.0, 0.0)), source),
+        unflatten(source_start(settings.source, Measurement(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)), source),
         unflatten_like(begin(allowed, NOTHING_OBSERVED.reading, ThermalState(0.0, 0.0, 0.0)), supervisor),
     )
     after, reference, requested_target, verdict = one_cycle(now, before, observed, plan, dt)

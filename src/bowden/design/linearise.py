@@ -185,7 +185,7 @@ def walk_near_rest(
     like = law_start(gains, Sample(0.0, 0.0))
     for i in range(len(states)):
         state = unflatten(like, states[i])
-        sample = Sample(samples[i, 0], samples[i, 1])
+        sample = Sample(samples[i, 0], samples[i, 1], np.nan, np.nan)
         for k in range(commands.shape[1]):
             state, command = law_step(gains, state, sample, reference, dt)
             commands[i, k] = command

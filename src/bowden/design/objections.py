@@ -109,12 +109,13 @@ def require_joint(rig: Rig) -> None:
     Raises:
         ParameterError: with what to do.
     """
-    if not family_of(rig.drive).measures_joint(rig.drive):
+    if not rig.joint_sensor.estimated and not family_of(rig.drive).measures_joint(rig.drive):
         raise ParameterError(
             f"{rig.origin}: the joint's angle is not measured (drive.joint is none)",
-            expected="an encoder at the joint, without which neither a law nor bowden measure nor the supervisor knows "
-            "what the cable does",
-            do='fit a CANopen encoder (CiA 406) beside the drive, and set joint = "cia406" in [drive]',
+            expected="an encoder at the joint, or what its angle is estimated from: an IMU, a stretch sensor, or the "
+            "motor alone",
+            do='set joint = "cia406" in [drive] for a CANopen encoder (CiA 406) beside the drive, or source of '
+            "[joint_sensor]",
         )
 
 

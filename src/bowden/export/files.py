@@ -2,16 +2,15 @@
 
 import itertools
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import jinja2
 
-from bowden.core.nested import leaves
 from bowden.export.function import called
-from bowden.export.kinds import Kind, Row, Struct, comment, identifier, is_number, kind_of, reached
-from bowden.export.module import Module, Public
+from bowden.export.kinds import Kind, Row, Struct, comment, identifier, is_number
+from bowden.export.module import Constant, Module, Public
 from bowden.export.unit import LONGEST, Unit
 
 
@@ -25,11 +24,9 @@ def files(module: Module, preamble: str, *, single: bool = False) -> dict[str, s
     header = {unit.type(enum) for enum in module.enums}
     functions = []
     for one in module.functions:
-        kinds = [argument.kind for argument in one.arguments if not argument.constant]
+        kinds = [kind for name, kind in one.kinds.items() if not isinstance(one.given.get(name), Constant)]
         header |= {unit.type(inner) for kind in (*kinds, *results_of(unit, one)[1]) for inner in _within(kind)}
         functions.append(_public(unit, one))
-    if module.begins:
-        functions.insert(0, _begins(unit, *module.begins))
     types = [[text for name, text in unit.types.items() if (name in header) is public] for public in (True, False)]
     numbers = "\n".join(
         f"#define {identifier(f'{module.prefix}_{name}').upper()} {unit.number(value)}{comment(said)}"
@@ -66,7 +63,7 @@ def _within(kind: Kind) -> Iterator[Kind]:
 
 def results_of(unit: Unit, one: Public) -> tuple[str, list[Kind], Kind]:
     """The kernel's name, and the kinds of its results, apart and as a whole."""
-    name, result = called(unit, one.kernel, tuple(argument.kind for argument in one.arguments))
+    name, result = called(unit, one.kernel, tuple(one.kinds.values()))
     return name, [result] if len(one.results) == 1 else [kind for _, kind in result.fields], result
 
 
@@ -76,15 +73,15 @@ def _public(unit: Unit, one: Public) -> tuple[str, str]:
     results = {to: unit.type(kind) for to, kind in zip(one.results, kinds, strict=True)}
     returned = results.pop("return", "void")
     read, given = [], []
-    for argument in one.arguments:
-        text, mark = identifier(argument.name), "" if is_number(argument.kind) else "*"
-        if argument.constant:
-            text = unit.constant("", argument.name, argument.example, argument.said)
+    for argument, kind in one.kinds.items():
+        text, mark, value = identifier(argument), "" if is_number(kind) else "*", one.given.get(argument)
+        if isinstance(value, Constant):
+            text = unit.constant("", argument, value.value, value.said)
             given.append(f"{mark and '&'}{text}")
             continue
         given.append(text)
-        if argument.name != "state":
-            read.append(f"const {unit.type(argument.kind)} {mark}{text}")
+        if argument != "state":
+            read.append(f"const {unit.type(kind)} {mark}{text}")
     written = [f"{type_} *{to}" for to, type_ in results.items()]
     first = int("state" in results)
     signature = ", ".join([*written[:first], *read, *written[first:]]) or "void"
@@ -101,7 +98,8 @@ def _public(unit: Unit, one: Public) -> tuple[str, str]:
             else:
                 lines.append(f"*{to} = result.{part};")
         lines += last
-    return _function(one.summary, f"{returned} {unit.prefix}_{one.name}({signature})", lines)
+    body = "\n".join(f"    {line}" if line else "" for line in lines)
+    return f"/* {one.summary} */\n{returned} {unit.prefix}_{one.name}({signature})", f"{{\n{body}\n}}"
 
 
 def _ways(kind: Kind) -> list[str]:
@@ -109,20 +107,6 @@ def _ways(kind: Kind) -> list[str]:
     if not isinstance(kind, Struct):
         return [""]
     return [f"{identifier(name)}.{way}".rstrip(".") for name, inner in kind.fields for way in _ways(inner)]
-
-
-def _begins(unit: Unit, name: str, state: Any, marker: Any, summary: str) -> tuple[str, str]:
-    """Prototype and body of a function that sets a state that was worked out here."""
-    begin = unit.constant("", "BEGIN", state, "a state before the first sample")
-    sets = [f"state->{reached(path)[1:]} = first;" for path, value in leaves(state) if value == marker]
-    head = f"void {unit.prefix}_{name}({unit.type(kind_of(state))} *state, const {unit.real} first)"
-    return _function(summary, head, [f"*state = {begin};", *(sets or ["(void)first;"])])
-
-
-def _function(summary: str, head: str, lines: Sequence[str]) -> tuple[str, str]:
-    """Prototype and body of a public function."""
-    body = "\n".join(f"    {line}" if line else "" for line in lines)
-    return f"/* {summary} */\n{head}", f"{{\n{body}\n}}"
 
 
 def broken(line: str) -> list[str]:

@@ -9,7 +9,7 @@ from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
 from bowden.export import counts
 from bowden.export.kinds import identifier
-from bowden.export.module import Argument, Module, Public
+from bowden.export.module import Constant, Module, Public
 from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_from
 from bowden.models.suit.suit_angle import SpoolMap, motor_of, spool_of
 
@@ -50,20 +50,19 @@ def law_module(law: Law, sample_time: float, encoders: counts.Counts | SpoolMap 
         sample_time: length of a cycle [s].
         encoders: how the rig's count, or on a suit how its spool turns; None for code without conversions.
     """
-    gains = Argument("gains", law.gains, constant=True, said="the law's gains")
-    known = Argument("conditioning", law.conditioning, constant=True, said="what the conditioner knows of the rig")
-    period = Argument("sample_time", float(sample_time), constant=True, said="length of a cycle [s]")
-    state, sample = Argument("state", state_of(law)), Argument("sample", Sample(0.0, 0.0))
-    reference = Argument("reference", Reference(0.0, 0.0, 0.0))
-    begins = "The state in which a law begins at a sample."
-    steps = f"One cycle, to be called every {sample_time:g} s: the motor's target angle [rad]."
-    given = gains, known, state, sample, reference, period
+    given = {
+        "gains": Constant(law.gains, "the law's gains"),
+        "conditioning": Constant(law.conditioning, "what the conditioner knows of the rig"),
+    }
+    steps = given | {"state": state_of(law), "sample_time": Constant(float(sample_time), "length of a cycle [s]")}
+    begun = "The state in which a law begins at a sample."
+    stepped = f"One cycle, to be called every {sample_time:g} s: the motor's target angle [rad]."
     return Module(
         prefix(law),
         f"The control law {law.name!r}: {law.source}.",
         [
-            Public("start", begin_cycles, (gains, known, sample), ("state",), begins),
-            Public("step", cycle, given, ("state", "return"), steps),
+            Public("start", begin_cycles, ("state",), begun, given),
+            Public("step", cycle, ("state", "return"), stepped, steps),
             *_motions(),
             *([] if encoders is None else _conversions(encoders)),
         ],
@@ -74,32 +73,28 @@ def law_module(law: Law, sample_time: float, encoders: counts.Counts | SpoolMap 
 
 def _motions() -> list[Public]:
     """``NAME_minimum_jerk``, from rest, and ``NAME_minimum_jerk_from`` a motion."""
-    end, duration, time = (Argument(name, 1.0) for name in ("end", "duration", "time"))
-    start, begin = Argument("start", 0.0), Argument("begin", Reference(0.0, 0.0, 0.0))
     said = "to rest at an end [rad]: the reference at a time since it began [s], of a duration [s]"
-    rest, motion = f"The motion of minimum jerk from rest {said}.", f"The same from a motion {said}."
     return [
-        Public("minimum_jerk", minimum_jerk, (start, end, duration, time), ("return",), rest),
-        Public("minimum_jerk_from", minimum_jerk_from, (begin, end, duration, time), ("return",), motion),
+        Public("minimum_jerk", minimum_jerk, ("return",), f"The motion of minimum jerk from rest {said}."),
+        Public("minimum_jerk_from", minimum_jerk_from, ("return",), f"The same from a motion {said}."),
     ]
 
 
 def _conversions(encoders: counts.Counts | SpoolMap) -> list[Public]:
     """``NAME_motor_angle``, ``NAME_joint_angle`` and ``NAME_motor_counts``; on a suit ``_spool_angle``."""
     if isinstance(encoders, SpoolMap):
-        suit = Argument("suit", encoders, constant=True, said="how the spool turns with the elbow")
+        suit = {"suit": Constant(encoders, "how the spool turns with the elbow")}
         angle_of = "The motor's angle in the joint's coordinate [rad] from the spool's [rad]."
         return [
-            Public("motor_angle", motor_of, (Argument("spool", 0.0), suit), ("return",), angle_of),
-            Public("spool_angle", spool_of, (Argument("motor", 0.0), suit), ("return",), "The other way round [rad]."),
+            Public("motor_angle", motor_of, ("return",), angle_of, suit),
+            Public("spool_angle", spool_of, ("return",), "The other way round [rad].", suit),
         ]
-    constant = Argument("encoders", encoders, constant=True, said="how the rig's encoders count")
-    n, angle = (constant, Argument("n", 0.0)), (constant, Argument("angle", 0.0))
+    how = {"counts": Constant(encoders, "how the rig's encoders count")}
     said = "from counts of an encoder that counts as in its log"
     return [
-        Public("motor_angle", counts.motor_angle, n, ("return",), f"The motor's angle [rad] {said}."),
-        Public("joint_angle", counts.joint_angle, n, ("return",), f"The joint's angle [rad] {said}."),
-        Public("motor_counts", counts.motor_counts, angle, ("return",), "A target [rad] in counts."),
+        Public("motor_angle", counts.motor_angle, ("return",), f"The motor's angle [rad] {said}.", how),
+        Public("joint_angle", counts.joint_angle, ("return",), f"The joint's angle [rad] {said}.", how),
+        Public("motor_counts", counts.motor_counts, ("return",), "A target [rad] in counts.", how),
     ]
 
 

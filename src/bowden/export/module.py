@@ -1,47 +1,52 @@
 """What is to be exported: kernels and their arguments, as functions of a module of C."""
 
-from collections.abc import Callable, Sequence
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import Parts
-from bowden.export.kinds import Kind, kind_of
+from bowden.export.kinds import Kind, annotated, hints_of, kind_of
 
 
 @dataclass(frozen=True)
-class Argument:
-    """What a kernel is handed."""
+class Constant:
+    """A value that is written into the code in place of an argument."""
 
-    name: str
-    example: Any
-    """A value of the same structure; of a constant, its value."""
-    constant: bool = False
-    """Whether it is written into the code."""
+    value: Any
     said: str = ""
-    """What a constant is."""
-
-    @property
-    def kind(self) -> Kind:
-        """Its kind; what C has none for is refused."""
-        if (kind := kind_of(self.example)) is None:
-            what, expected = f"{self.name} is {self.example!r}", "numbers, and NamedTuples of numbers"
-            raise ParameterError(what, expected=expected, do="take texts and arrays out of it")
-        return kind
+    """What it is."""
 
 
 @dataclass(frozen=True)
 class Public:
-    """A kernel that other files of C call, as ``PREFIX_name``."""
+    """A kernel that other files of C call, as ``PREFIX_name``.
+
+    Its arguments have the kernel's names; the one called ``state`` is what the function reads and writes.
+    """
 
     name: str
     kernel: Callable[..., Any]
-    arguments: tuple[Argument, ...]
-    """In the kernel's order; the one called ``state`` is what the function reads and writes."""
     results: tuple[str, ...]
     """In the kernel's order: ``state``, ``return`` for what the function returns, other names for pointers to it."""
     summary: str
+    given: Mapping[str, Any] = field(default_factory=dict)
+    """Argument → its `Constant`, or an example where its annotation leaves something open."""
+
+    @property
+    def kinds(self) -> dict[str, Kind]:
+        """Argument → its kind; what C has none for is refused."""
+        found, hints = {}, hints_of(self.kernel)
+        for name in inspect.signature(self.kernel).parameters:
+            value = self.given.get(name)
+            value = value.value if isinstance(value, Constant) else value
+            if (kind := kind_of(value) if name in self.given else annotated(hints.get(name))) is None:
+                expected, do = "numbers, and NamedTuples of numbers", "take texts and arrays out of it"
+                raise ParameterError(f"{name} is {value!r}", expected=expected, do=do)
+            found[name] = kind
+        return found
 
 
 @dataclass(frozen=True)
@@ -60,9 +65,6 @@ class Module:
     """Whose members a caller needs."""
     numbers: dict[str, tuple[float, str]] = field(default_factory=dict)
     """Name → another number that a caller needs, and what it means."""
-    begins: tuple[str, Any, Any, str] | None = None
-    """Name, state, and what the function is: a function that sets a state which was worked out here, whose fields with
-    the value of the second are those of its one argument."""
 
     @property
     def public(self) -> set[str]:

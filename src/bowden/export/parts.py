@@ -1,11 +1,15 @@
 """What stands round a law on the chip: the EMG detector before it, the safety gate behind it."""
 
+import inspect
+import math
+from typing import Any
+
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
 from bowden.core.signals import EMERGENCY_STOP, DriveState, Sample
-from bowden.cycle.one_cycle import NOTHING_OBSERVED, Filters, filtered_sample
+from bowden.cycle.one_cycle import Filters, filtered_sample
 from bowden.export.kinds import identifier
-from bowden.export.module import Argument, Module, Public
+from bowden.export.module import Constant, Module, Public
 from bowden.hardware.emg.listener import filters_of
 from bowden.hardware.ports import Power
 from bowden.models.drive.thermal import cold
@@ -21,8 +25,12 @@ from bowden.sensing.envelope import DEFAULTS, envelope_start, envelope_step, pre
 from bowden.sensing.wearer_file import MuscleCalibration
 
 UNFILTERED = Filters()
-_FIRST = 0.7072067811865476
-"""Stands for a first sample, to find out what becomes of it: a number that nothing else has."""
+
+
+@kernel
+def begun(begin: Any) -> Any:
+    """The state that was worked out in Python."""
+    return begin
 
 
 def emg_modules(
@@ -45,23 +53,28 @@ def emg_modules(
             do="change --emg-rate",
         )
     settings, smoothing = (kind.settings, DEFAULTS) if wearer is None else filters_of(wearer, kind)
-    value, detector = Argument("value", 0.0), kind.prepared(rate, settings)
-    filters = Argument("chain", prepare_envelope(rate, smoothing), constant=True, said="the filters' sections")
-    detection = Argument("detector", detector, constant=True, said="the detector at this rate")
-    enveloped, detected = (Argument("state", one) for one in (envelope_start(0.0), kind.start(detector, 0.0)))
+    detector = kind.prepared(rate, settings)
+    chain = Constant(prepare_envelope(rate, smoothing), "the filters' sections")
+    detection, *_ = inspect.signature(kind.step).parameters
+    before = {"begin": Constant(kind.start(detector, math.nan), "a state before the first sample")}
+    detected = {detection: Constant(detector, "the detector at this rate"), "state": before["begin"].value}
     smoothed = "One sample: its envelope, and the signal without offset and mains, in the signal's own unit."
     active = "One sample, NAN if missing: 1 in a contraction; trouble is 1 for flat, 2 for movement or mains."
     envelope = Module(
         "envelope",
         f"The envelope of an EMG signal of {rate:g} samples a second.",
-        [Public("step", envelope_step, (filters, enveloped, value), ("state", "signal", "return"), smoothed)],
-        begins=("start", envelope_start(_FIRST), _FIRST, "Before the first sample."),
+        [
+            Public("start", envelope_start, ("state",), "Before the first sample."),
+            Public("step", envelope_step, ("state", "signal", "return"), smoothed, {"chain": chain}),
+        ],
     )
     onset = Module(
         identifier(kind.name),
         f"Contractions in an EMG signal of {rate:g} samples a second.",
-        [Public("step", kind.step, (detection, detected, value), ("state", "return", "trouble"), active)],
-        begins=("start", kind.start(detector, _FIRST), _FIRST, "Before the first sample, NAN if missing."),
+        [
+            Public("start", begun, ("state",), "Before the first sample.", before),
+            Public("step", kind.step, ("state", "return", "trouble"), active, detected),
+        ],
     )
     return envelope, onset
 
@@ -76,35 +89,28 @@ def sense(
     dt: float,
 ) -> Sample:
     """What the law is given in a cycle, as `cycle.one_cycle` gives it."""
-    return filtered_sample(filters, sample, validate_readings(limits, supervisor, observed, dt), dt)
+    return filtered_sample(filters, sample, validate_readings(limits, supervisor, observed, dt), observed.reading, dt)
 
 
 def course_module(settings: CourseSettings) -> Module:
     """The reference that follows from contractions."""
-    given, low = (Argument("settings", settings, constant=True), Argument("low", settings.intent.low, constant=True))
-    muscles = Argument("flexes", False), Argument("extends", False), Argument("share", 0.0), Argument("dt", 0.001)
-    state = Argument("state", course_start(settings.intent.low))
+    low, given = {"low": Constant(settings.intent.low)}, {"settings": Constant(settings)}
     moved = "One cycle of dt [s]: who contracts, the share of MVC or NAN, and where the joint should be."
     return Module(
         "course",
         "Where the joint should be by contractions.",
         [
-            Public("start", course_start, (low,), ("state",), "At rest, extended."),
-            Public("step", course_step, (given, state, *muscles), ("state", "reference"), moved),
+            Public("start", course_start, ("state",), "At rest, extended.", low),
+            Public("step", course_step, ("state", "reference"), moved, given),
         ],
     )
 
 
 def safety_module(limits: Limits, filters: Filters = UNFILTERED) -> Module:
     """The supervisor, with a rig's limits as constants, and the angles that it lets the law see."""
-    warm, reading = cold(limits.thermal), NOTHING_OBSERVED.reading
-    thermal = Argument("thermal", limits.thermal, constant=True, said="the motor's thermal side")
-    bound = Argument("limits", limits, constant=True, said="the rig's limits")
-    first, warmth = Argument("reading", reading), Argument("warmth", warm)
-    state, observed = Argument("state", begin(limits, reading, warm)), Argument("observed", NOTHING_OBSERVED)
-    target, dt = Argument("requested_target", 0.0), Argument("dt", 0.001)
-    supervisor, sample = Argument("supervisor", state.example), Argument("sample", Sample(0.0, 0.0))
-    seen = bound, Argument("filters", filters, constant=True, said="in front of the law"), supervisor
+    bound = {"limits": Constant(limits, "the rig's limits")}
+    seen = bound | {"filters": Constant(filters, "in front of the law")}
+    thermal = {"thermal": Constant(limits.thermal, "the motor's thermal side")}
     stopped = "Stopped, with the motor as warm as the last run left it."
     sensed = "The sample of a law in this cycle: the last valid angles; before supervise, of its state."
     judged = "One cycle of dt [s]: the requested target [rad] or less, and whether there is power."
@@ -112,10 +118,10 @@ def safety_module(limits: Limits, filters: Filters = UNFILTERED) -> Module:
         "safety",
         "The supervisor: it stands last before the wire, and may only refuse or stop.",
         [
-            Public("cold", cold, (thermal,), ("warmth",), "A motor as warm as its surroundings."),
-            Public("begin", begin, (bound, first, warmth), ("state",), stopped),
-            Public("sense", sense, (*seen, sample, observed, dt), ("return",), sensed),
-            Public("supervise", supervise, (bound, state, observed, target, dt), ("state", "verdict"), judged),
+            Public("cold", cold, ("warmth",), "A motor as warm as its surroundings.", thermal),
+            Public("begin", begin, ("state",), stopped, bound),
+            Public("sense", sense, ("return",), sensed, seen),
+            Public("supervise", supervise, ("state", "verdict"), judged, bound),
         ],
         enums=(Request, Mode, DriveState, Power, Fault),
         numbers={"emergency_stop": (EMERGENCY_STOP, "among the codes of `emergency`, for an emergency stop")},

@@ -6,8 +6,6 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.core.nested import leaves, name_of
-from bowden.export.cortex import COMPILER
-from bowden.export.cortex import FLAGS as CORTEX_FLAGS
 from bowden.export.counts import Counts
 from bowden.export.files import rendered
 from bowden.export.kinds import reached
@@ -21,6 +19,11 @@ from bowden.rig.rig import Rig
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -O2 -ffp-contract=off"
 """Every operation rounds as in Python only where products are not fused with sums, and nothing is reordered."""
 
+CHIP = (
+    "arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -O2 -ffp-contract=off "
+    "-std=c99 -pedantic -Wall -Wextra -Werror -ffunction-sections"
+)
+"""Compiler and options for a Cortex-M4F."""
 FILES = ("loop.h", "loop.c", "board.cpp", "arduino.cpp", "platformio.ini", "replay.c", "Makefile", "README.md")
 """Beside the modules and the recording."""
 YOURS = ("board.cpp", "platformio.ini")
@@ -65,13 +68,13 @@ def pages(
         "modules": modules,
         "counts": None if suit else encoders,
         "flags": FLAGS,
-        "chip": " ".join([COMPILER, *CORTEX_FLAGS]),
+        "chip": CHIP,
         "sources": " ".join(f"{one}.c" for one in (*names, "loop")),
         "headers": " ".join(f"{one}.h" for one in (*names, "loop")),
         "period": repr(period),
         "microseconds": f"{period * 1e6:.0f}",
         "detector": detector,
-        "detector_state": "".join(f"{detector}_{type(one.begins[1]).__name__}" for one in modules[-1:] if one.begins),
+        "detector_state": f"{detector}_{modules[-1].functions[-1].kinds['state'].name}" if detector else "",
         "limits": rig.supervisor_limits,
         "emg_rate": repr(rate),
         "muscles": course.intent.muscles,

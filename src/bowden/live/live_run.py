@@ -24,6 +24,7 @@ from bowden.hardware.ports import BrakedDrive, Drive
 from bowden.live import excitation, motor_columns, row
 from bowden.live.admittance_live import live_pushing
 from bowden.live.brake_hold import BrakeHold
+from bowden.live.joint_estimate import LiveEstimate
 from bowden.live.preflight import Preflight, on_suit
 from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Home, Script
@@ -193,6 +194,14 @@ class Live:
             return None
         return BrakeHold(cast(BrakedDrive, drive), self.rig.brake, self.limits, self.rig.sample_time)
 
+    def estimate(self) -> LiveEstimate | None:
+        """The estimate of the joint's angle, where this motor's drive is to have it and no encoder does.
+
+        Raises:
+            StreamError: the sensor's stream cannot be opened.
+        """
+        return LiveEstimate(self.rig) if self.rig.joint_sensor.estimated else None
+
     def _push_settings(self) -> Mapping[str, Any]:
         spool = plain(self.needs.spool)
         return {"torque": self.needs.torque_offset, "substeps": self.rig.substeps, "spool": spool}
@@ -216,9 +225,11 @@ class Live:
         """The run's plan."""
         limits, basis = self.limits, self.rig.basis
         speed = LiveSettings().approach / basis.slope if math.isnan(self.rig.live.approach) else self.rig.live.approach
+        doubt = self.rig.joint_sensor.noise if self.rig.joint_sensor.sensed else 0.0
         checks = Preflight(
             pull_sign=-limits.slack_sign,
-            moved=WRONG_WAY,
+            moved=WRONG_WAY + doubt,
+            noise=Preflight().noise + _ESTIMATE * doubt,
             light=limits.released_current if limits.homed else math.inf,
             low=limits.motor_low,
             high=limits.motor_high,
@@ -308,11 +319,21 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
         notes = (*notes, *more)
     if emg is not None:
         limits = limits._replace(uses_emg=True)
+    if measure and rig.joint_sensor.estimated:
+        raise ParameterError(
+            f"{rig.origin}: the joint's angle is an estimate by the cable's model, which bowden measure is to find",
+            expected="an encoder at the joint for it",
+            do="log with one, and delete source of [joint_sensor] meanwhile; or take a model of a like cable",
+        )
     if measure:
         moved = excitation.excitation(limits, rig.sample_time)
         table, start = moved.motor[:, None], float(moved.motor[0])
         return Live(rig, measure, LAWS["uncompensated"], limits, table, moved.servo_from, start, pushing, notes, logged)
     return Live(rig, measure, rig.fitted(), limits, _table(rig), 0, rig.start_motor, pushing, notes, logged)
+
+
+_ESTIMATE = 3.0
+"""Span of an estimate of the joint at rest, over its sensor's noise [–]."""
 
 
 def _table(rig: Rig) -> NDArray[np.float64]:

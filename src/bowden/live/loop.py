@@ -21,6 +21,7 @@ from bowden.live.brake_hold import BrakeHold
 from bowden.live.control_block import ControlBlock
 from bowden.live.ended import Ended, EndedMotor
 from bowden.live.gain_ramp import GainRamp, step_all
+from bowden.live.joint_estimate import LiveEstimate
 from bowden.live.ring import RingWriter
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT
@@ -49,14 +50,16 @@ class MotorParts(NamedTuple):
     """Of a drive that takes a torque offset."""
     brake: BrakeHold | None = None
     """Of a drive with a holding brake."""
+    estimate: LiveEstimate | None = None
+    """Of a joint without an encoder."""
 
 
 class _Motor:
     """One motor while the loop goes on."""
 
     def __init__(self, parts: MotorParts, *, among: bool, shared: bool) -> None:
-        self._among, self._shared = among, shared
-        self.drive, self.cycle, self.script, self._course, self._push, self._brake = parts
+        self._among, self._shared, self.parts = among, shared, parts
+        self.drive, self.cycle, self.script, self._course, self._push, self._brake, self._estimate = parts
         begun = self.cycle.state.supervisor
         self.mode, self.target = begun.decided.mode, begun.target
         """Of the last verdict."""
@@ -77,7 +80,8 @@ class _Motor:
     def read(self, now: float) -> None:
         """What the drive says."""
         reading = self.drive.read(now)
-        self.reading = reading if self._brake is None else self._brake.shown(reading)
+        reading = reading if self._brake is None else self._brake.shown(reading)
+        self.reading = reading if self._estimate is None else self._estimate.shown(reading, now)
 
     def plan(self, woke: int, cycles: int) -> None:
         """What is asked of the motor; `cycles` are periods since the last cycle."""
@@ -146,14 +150,14 @@ class _Motor:
         if times is not None:
             time, lateness, elapsed, skipped, age, recorder = times
             _WHOLE.pack_into(
-                *(ring, at, time, *cycle.reference, *reading, *cycle.sample, self._requested_target, *self.verdict),
+                *(ring, at, time, *cycle.reference, *reading, *cycle.sample[:2], self._requested_target, *self.verdict),
                 *(self._plan.source, lateness, elapsed, skipped, self.request, age, recorder),
                 *(self.outcome, script.reason, script.play, 0.0),
             )
             states = at + _WHOLE.size
         else:
             _OWN.pack_into(
-                *(ring, at, *cycle.reference, *reading, *cycle.sample, self._requested_target, *self.verdict),
+                *(ring, at, *cycle.reference, *reading, *cycle.sample[:2], self._requested_target, *self.verdict),
                 *(self._plan.source, self.request, self.outcome, script.reason, script.play),
             )
             states = at + _OWN.size
@@ -256,6 +260,8 @@ class Loop:
         with contextlib.ExitStack() as stack:
             stack.callback(self._ring.close)
             for motor in reversed(self._motors):
+                if motor.parts.estimate is not None:
+                    stack.callback(motor.parts.estimate.close)
                 stack.callback(lambda close: left.append(close()), motor.drive.close)
         return left
 
@@ -273,7 +279,7 @@ class Loop:
             for motor in motors:
                 motor.read(now)
             for motor, of in self._borrowing:
-                motor.reading = motor.reading._replace(joint=of.reading.joint, joint_age=of.reading.joint_age)
+                motor.reading = motor.reading._replace(**{name: getattr(of.reading, name) for name in _OF_JOINT})
             for motor, other in self._beside:
                 motor.neighbour = other.reading.motor
 
@@ -350,6 +356,8 @@ class Loop:
             motor.request, motor.others, motor.outcome = one, others, outcome
 
 
+_OF_JOINT = ("joint", "joint_age", "joint_sensor_age", "joint_std", "joint_sensor")
+"""What of a reading is its joint's."""
 _LED = (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING)
 _STALLS = bits_of((Fault.LATE, Fault.CLOCK))
 """Faults of this computer, and not of the rig."""

@@ -76,7 +76,8 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         cycle = motor.cycle()
         cycle.begin(NOTHING_READ, ThermalState(*thermal), latched)
         drive = open_drive(motor.rig.drive_parameters, motor.rig.load_cell, links)
-        parts.append(MotorParts(drive, cycle, motor.script(course), course, motor.push(), motor.brake(drive)))
+        made = (drive, cycle, motor.script(course), course, motor.push(), motor.brake(drive), motor.estimate())
+        parts.append(MotorParts(*made))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
     loop = Loop(
         *(parts, ring, block, MonotonicClock(), given["start_ns"]),
@@ -93,6 +94,8 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
                 raise SafetyError("the operator's process has ended before the drive was brought up", do="run it again")
             with asked_for_by(f"motor {quoted(motor.name)}") if motor.name else contextlib.nullcontext():
                 drives.append(one.drive.bring_up())
+                if one.estimate is not None:
+                    one.estimate.wait()
         each = list(zip(live.motors, parts, strict=True))
         require_same([(motor.name, motor.rig, serial_of(one.drive)) for motor, one in each])
         asked = live.rig.live

@@ -37,6 +37,9 @@ CYCLE: Mapping[str, str] = {
     "foreign": "1",
     "sample_age": "s",
     "joint_torque": "N·m",
+    "joint_sensor_age": "s",
+    "joint_std": "rad",
+    "joint_sensor": "rad",
     "joint_seen": "rad",
     "motor_seen": "rad",
     "requested_target": "rad",
@@ -70,7 +73,7 @@ law's live gains (`live.gain_ramp`).
 AT: Mapping[str, int] = {name: i for i, name in enumerate(CYCLE)}
 """Column → its place in a row."""
 
-NOTHING_READ = DriveReading(*(float("nan"),) * 5, *(0.0,) * 8, float("nan"))
+NOTHING_READ = DriveReading(*(float("nan"),) * 5, *(0.0,) * 8, *(float("nan"),) * 4)
 """A reading before the first."""
 
 STOPPED = begin(Limits(), NOTHING_READ, cold(Thermal()))

@@ -1,11 +1,9 @@
 """`export`: a law as C99 for a microcontroller."""
 
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from bowden.core.documented import Documented
 from bowden.operations.check import Verdict
 from bowden.operations.support.operation import GivenLaw, GivenRig, Operation, Role, Switch
 from bowden.operations.support.results import Result
@@ -30,24 +28,6 @@ _HEAD = 500
 """Of a file, in which that stands [bytes]."""
 
 
-@dataclass(frozen=True)
-class CortexCost(Documented):
-    """What a law costs on a microcontroller."""
-
-    code_bytes: int
-    """The law's own functions and constants, without those of the C library [bytes]."""
-    state_bytes: int
-    """Its state [bytes]."""
-    stack_bytes: int
-    """Most stack that a step needs below its caller, the library's functions included [bytes]."""
-    instructions_mean: float
-    """Instructions of a cycle, mean over the run."""
-    instructions_max: float
-    """Most instructions of a cycle, to within 40."""
-    furthest_rad: float
-    """Largest distance of a command from Python's [rad]."""
-
-
 @dataclass(frozen=True, repr=False)
 class Exported(Result["Exported"]):
     """A law as C."""
@@ -64,9 +44,6 @@ class Exported(Result["Exported"]):
     """What was exported, by the name that its files, types and functions begin with; the law first."""
     files: tuple[Path, ...]
     """All files that were written; ``make check`` in their folder replays a run of the rig."""
-    cortex_m4f: CortexCost | None
-    """The law on an emulated Cortex-M4F over the recorded run; null where the cross compiler or the emulator is not
-    installed."""
 
     def __repr__(self) -> str:
         """One screen."""
@@ -114,7 +91,7 @@ def export(
         progress: a function of what is being done and the share done.
 
     Returns:
-        The files, and what the law costs on a Cortex-M4F where the tools to measure it are installed.
+        The files.
 
     Raises:
         ParameterError: a rig or law that cannot be used or does not hold, or a kernel outside the subset, with its
@@ -169,15 +146,12 @@ def export(
             for file, text in texts.items():
                 (stage / file).write_text(text, encoding="utf-8")
             (stage / "recording.csv").write_text(recording, encoding="utf-8")
-        report("measuring on a Cortex-M4F", 0.8)
-        figures = _figures(folder, modules, recording)
     notes = (
         doubt,
         f"{' and '.join(kept)} in {folder} stay as they are: they are yours" if kept else "",
         *whole.notes,
         *refused,
         verdict.note,
-        figures if isinstance(figures, str) else "",
     )
     return Exported(
         rig=whole.hash,
@@ -186,7 +160,6 @@ def export(
         precision="float" if float32 else "double",
         modules=tuple(module.prefix for module in modules),
         files=tuple(folder / file for file in (*texts, "recording.csv")),
-        cortex_m4f=None if isinstance(figures, str) else figures,
         notes=tuple(note for note in notes if note),
     )
 
@@ -286,26 +259,6 @@ def _recording(rig: "Rig", law: "Law") -> str:
     rows = np.column_stack([*(column[:lasted] for column in values), source]).tolist()
     lines = [",".join(("time", *COLUMNS)), *(",".join(map(repr, row)) for row in rows)]
     return "\n".join(lines) + "\n"
-
-
-def _figures(folder: Path, modules: "list[Module]", recording: str) -> CortexCost | str | None:
-    """What the law costs on a Cortex-M4F; or a note where a tool to measure it fails, and None where none is there."""
-    from bowden.export import cortex
-
-    if cortex.tools():
-        return None
-    prefix = modules[0].prefix
-    rows = [[float(cell) for cell in line.split(",")[1:7]] for line in recording.splitlines()[1:]]
-    texts = {f"{prefix}{end}": (folder / f"{prefix}{end}").read_text(encoding="utf-8") for end in (".h", ".c")}
-    try:
-        cost = cortex.measure(prefix, texts, [row[:5] for row in rows])
-    except (OSError, subprocess.SubprocessError, ValueError) as error:  # a compiler without its library, say
-        return f"not measured on a Cortex-M4F: {' '.join(str(error).split())[:300]}"
-    furthest = max(abs(command - row[5]) for command, row in zip(cost.commands, rows, strict=True))
-    return CortexCost(
-        *(cost.code_bytes, cost.state_bytes, cost.stack_bytes),
-        *(round(cost.instructions_mean, 1), cost.instructions_max, furthest),
-    )
 
 
 OPERATIONS = (

@@ -225,6 +225,8 @@ def _run(rig: "Rig", objects: list[str], until_orphaned: bool) -> Iterator[TwinS
     twins = [family_of(one.drive).twin(one.drive, one.plant, clock, objects) for one in drives]
     for twin, motor in zip(twins, joint.motors, strict=True):
         attach_load_cell(twin, motor.rig)
+        if motor.rig.joint_sensor.sensed and motor.rig is joint.first:
+            twin.sense(motor.rig.joint_sensor, motor.rig.seed)
     running, drive = twins[0], drives[0].drive
 
     def stop() -> None:

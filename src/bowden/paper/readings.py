@@ -61,7 +61,7 @@ def self_fed_step(
     gains: ObserverGains, state: SelfFedState, sample: Sample, reference: Reference, dt: float
 ) -> tuple[SelfFedState, float]:
     """Eq. 8 read literally: ĥ driven by the command of the cycle before."""
-    own = Sample(sample.joint, state.command)
+    own = Sample(sample.joint, state.command, sample.joint_age, sample.joint_std)
     after, command = observer_step(gains, ObserverState(state.h, state.driver), own, reference, dt)
     return SelfFedState(after.h, after.driver, command), command
 

@@ -28,6 +28,7 @@ from bowden.control.source import Measurement
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel, placeholder
+from bowden.core.signals import Sample
 from bowden.models.cable.sheath import Sheath
 from bowden.models.cable.sheath import slope_factor as slope_factor_at
 from bowden.models.cable.sheath import width as width_at
@@ -111,6 +112,18 @@ def plant_effort(plant: Any, body: Any, sheath: SheathState) -> float:
 def plant_look(plant: Any, body: Any) -> Any:
     """Placeholder for a plant's ``look``."""
     raise NotImplementedError  # always replaced
+
+
+@placeholder
+def plant_sample(measured: Measurement) -> Sample:
+    """What a law is shown of a plant's readings: angles of encoders, unless a plant that estimates replaces this."""
+    return Sample(measured.joint, measured.motor, math.nan, math.nan)
+
+
+@kernel
+def measured_as(sample: Sample, measured: Measurement) -> Measurement:
+    """The readings with the angles that a law is shown."""
+    return Measurement(sample.joint, sample.motor, measured.current, measured.load, sample.joint_age, sample.joint_std)
 
 
 @kernel

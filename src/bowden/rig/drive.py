@@ -51,6 +51,7 @@ def supervisor_limits(rig: Rig) -> Limits:
         current_peak=rig.motor.current_limit,
         thermal=given.thermal._replace(resistance=rig.motor.resistance),
         measures_current=True,
+        estimates_joint=rig.joint_sensor.estimated,
         measures_tension=family.measures_tension(rig.drive) or (cell.there and cell.measures == "tension"),
         measures_torque=family.measures_torque(rig.drive) or (cell.there and cell.measures == "torque"),
         lowering=min(given.lowering, fastest, math.inf if suit is None else ARM_LOWERING),

@@ -20,6 +20,7 @@ SWITCHES: Mapping[str, tuple[str, str, Any, str]] = {
     "wearer": ("suit", "worn", False, "suit.worn = true"),
     "admittance": ("admittance", "enabled", False, "admittance.enabled = true"),
     "brake": ("brake", "holding_torque_nm", 0.0, "brake.holding_torque_nm above 0"),
+    "joint_sensor": ("joint_sensor", "source", "encoder", 'a source, such as joint_sensor.source = "imu"'),
     "load_cell": ("load_cell", "source", "none", 'a source, such as load_cell.source = "cia404"'),
 }
 """Section → section and key of its switch, its value when off, and what switches it on."""

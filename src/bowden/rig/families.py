@@ -83,6 +83,10 @@ class TwinProcess(Protocol):
         """Put a device beside the drive, with the same plant; see `hardware.twin.twin.Twin`."""
         ...
 
+    def sense(self, sensor: Any, seed: int) -> None:
+        """Put the twin of a joint's sensor that is no encoder beside the drive."""
+        ...
+
 
 class FoundDevice(NamedTuple):
     """Somebody who answers on a bus."""

@@ -162,6 +162,9 @@ def check_whole(rig: Any) -> None:
             _ = rig.pushing
     if not rig.motors:
         refuse_idle(rig)
+    if rig.joint_sensor.estimated:
+        with asked_for_by(f"{rig.origin}: [joint_sensor]"):
+            resolve("rig.joint_sensor:check")(rig.joint_sensor, rig.sample_time, rig.limits.joint_std)
     if not rig.motors and rig.brake.there:
         with asked_for_by(f"{rig.origin}: [brake]"):
             resolve("rig.drive:check_brake")(rig)

@@ -296,7 +296,9 @@ def digest(values: Mapping[str, Any]) -> str:
         tree = tree_of({**values, **{name: _USUAL[name] for name in own}}, of_process=True)
         emg = values["emg"]
         held = isinstance(values["cable"], IdentifiedCable) or values["plant"] is not None  # its content says more
+        encoder = not values["joint_sensor"].estimated  # then neither its section nor its limit says anything
         without: dict[str, tuple[str, ...]] = {
+            "limits": ("joint_std_deg",) if encoder else (),
             "drive": ("interface", "channel"),
             "load_cell": ("interface", "channel"),
             "emg": ("wearer", "source"),
@@ -307,10 +309,17 @@ def digest(values: Mapping[str, Any]) -> str:
         said = {
             title: {key: one for key, one in section.items() if key not in without.get(title, ())}
             for title, section in tree.items()
+            if not (encoder and title == "joint_sensor")
         }
         said |= {"own": own, "emg source": emg.recording or emg.source, "levels": emg.levels}
         said |= {f"{name} file": _content_hash(values[name]) for name in ("cable", "law", "plant", "reference")}
-        said |= {"unnamed": {name: dict(unnamed(values[name], part.default)) for name, part in PARTS.items()}}
+        said |= {
+            "unnamed": {
+                name: dict(unnamed(values[name], part.default))
+                for name, part in PARTS.items()
+                if not (encoder and name == "joint_sensor")
+            }
+        }
     return hashlib.sha256(json.dumps(_rounded(said), sort_keys=True).encode()).hexdigest()[:16]
 
 

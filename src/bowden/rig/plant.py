@@ -1,5 +1,8 @@
 """What moves in a rig and how: its plant, its reference and the bend of its sheath over a run."""
 
+import math
+from typing import Any, cast
+
 import numpy as np
 
 from bowden.control.reference import PeriodicMinimumJerk, Trajectory
@@ -12,16 +15,19 @@ from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import plant_of_model
 from bowden.plants.counting import NOT_SAID, Encoders
+from bowden.plants.estimated import Estimated
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.plant import Plant
 from bowden.plants.predicted import SCHEDULED
 from bowden.plants.pushing import Pushing, pushing_of
 from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
-from bowden.plants.worn_suit import suit_of
+from bowden.plants.worn_suit import elbow_dead_zone, suit_of
 from bowden.rig import emg_run as emg_runs
 from bowden.rig.emg_run import EmgRun
+from bowden.rig.joint_sensor import model_of
 from bowden.rig.rig import Rig
+from bowden.sensing.joint_angle import JointModel
 
 _LOOKED_AT, INSTANTS = 60.0, 601
 """Of a reference: for how long it is looked at [s], and how often."""
@@ -122,11 +128,21 @@ def moved(rig: Rig) -> Bench | CablePlant | UserPlant | Suit:
 
 
 def simulated_plant(rig: Rig) -> Plant:
-    """The plant with what stands round it: the drive's brake, and under the wearer's push its load cell."""
-    if rig.worn is None:
-        return rig.cabled
-    worn = rig.worn._replace(brake=rig.brake)
-    return worn if rig.pushing is None else worn._replace(load_cell=rig.pushing.cell)
+    """The plant with what stands round it: the drive's brake, under the wearer's push its load cell, and where no
+    encoder measures the joint its estimate.
+    """
+    plant: Any = rig.cabled if rig.worn is None else rig.worn._replace(brake=rig.brake)
+    if rig.worn is not None and rig.pushing is not None:
+        plant = plant._replace(load_cell=rig.pushing.cell)
+    return cast(Plant, Estimated(plant, rig.joint_model)) if rig.joint_sensor.estimated else plant
+
+
+def joint_model(rig: Rig) -> JointModel:
+    """Knowledge of cable and sensor for the estimate of the joint's angle, where no encoder measures it."""
+    if rig.worn is not None:  # the motor is counted in the joint's coordinate
+        return model_of(rig.joint_sensor, 1.0, 0.0, 0.5 * elbow_dead_zone(rig.worn.flexor.half_width))
+    zero = 0.0 if math.isnan(rig.knowledge.motor_zero) else rig.knowledge.motor_zero
+    return model_of(rig.joint_sensor, rig.slope, zero, 0.5 * rig.basis.width * rig.slope)
 
 
 def pushing(rig: Rig) -> Pushing | None:

@@ -42,7 +42,7 @@ from bowden.rig.sections import (
     Scenario,
     drive_part,
 )
-from bowden.rig.settings import EmgSettings, LiveSettings
+from bowden.rig.settings import EmgSettings, JointSensor, LiveSettings
 from bowden.rig.tree import of_rig, read_values, values_of, written
 from bowden.safety.limits import Limits
 from bowden.sensing import wearer_file
@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from bowden.plants.user_plant import UserPlant
     from bowden.rig.consistent import Basis
     from bowden.rig.emg_run import EmgRun
+    from bowden.sensing.joint_angle import JointModel
 
 
 class RigMotor(NamedTuple):
@@ -150,6 +151,8 @@ class Rig(metaclass=Answering):
     drive: Any = None
     """Parameters of a family of drives; None for the default ones. What only the rig itself says of it;
     `drive_parameters` is the whole."""
+    joint_sensor: JointSensor = PARTS["joint_sensor"].default
+    """Where the joint's angle comes from."""
     load_cell: LoadCellParameters = PARTS["load_cell"].default
     """A load cell on a CAN bus; one at the drive's own input is in `drive`."""
     brake: HoldingBrake = PARTS["brake"].default
@@ -561,6 +564,7 @@ class Rig(metaclass=Answering):
     slope: ClassVar[Derived[float]] = Derived("rig.plant")
     moved: ClassVar[Derived["Bench | CablePlant | UserPlant | Suit"]] = Derived("rig.plant")
     simulated_plant: ClassVar[Derived["Plant"]] = Derived("rig.plant")
+    joint_model: ClassVar[Derived["JointModel"]] = Derived("rig.plant")
     pushing: ClassVar[Derived["Pushing | None"]] = Derived("rig.plant")
     emg_run: ClassVar[Derived["EmgRun | None"]] = Derived("rig.plant")
     trajectory: ClassVar[Derived[Trajectory]] = Derived("rig.plant")

@@ -28,7 +28,7 @@ from bowden.rig import families as drive_families
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
 from bowden.rig.joints import JointSettings
 from bowden.rig.load_cell import LoadCellParameters
-from bowden.rig.settings import EmgSettings, LiveSettings
+from bowden.rig.settings import EmgSettings, JointSensor, LiveSettings
 from bowden.safety.limits import Limits
 
 _BENCH, _CHOSEN = parts(), document()["chosen"]
@@ -134,6 +134,7 @@ PARTS: Mapping[str, Part] = {
         USUAL,
     )._replace(default=UNWRITTEN),
     "load_cell": _part("LoadCellSection", LoadCellParameters.__doc__ or "", LoadCellParameters()),
+    "joint_sensor": _part("JointSensorSection", JointSensor.__doc__ or "", rounded(JointSensor(), 6)),
     "brake": _part("BrakeSection", HoldingBrake.__doc__ or "", rounded(HoldingBrake(), 10)),
     "live": _part("LiveSection", LiveSettings.__doc__ or "", LiveSettings())._replace(
         default=LiveSettings(approach=math.nan)
@@ -299,7 +300,7 @@ _OWN: dict[str, Any] = {
 """Sections that hold more than one part, or one of several kinds."""
 _ORDER = (
     *("bench", "servo", "cable", "sheath", "motor", "encoder", "suit", "wearer", "admittance", "control", "reference"),
-    *("scenario", "drive", "load_cell", "brake", "limits", "live", "emg"),
+    *("scenario", "drive", "joint_sensor", "load_cell", "brake", "limits", "live", "emg"),
 )
 _FIELDS: dict[str, Any] = {name: _OWN.get(name) or _section(PARTS[name].section) for name in _ORDER}
 RigFile: type[Section] = create_model(

@@ -1,4 +1,4 @@
-"""Sections of a rig that are not one part's own parameters: live loop and EMG."""
+"""Sections of a rig that are not one part's own parameters: live loop, joint sensor and EMG."""
 
 from typing import Annotated, Literal, NamedTuple
 
@@ -30,6 +30,45 @@ class LiveSettings(NamedTuple):
             "top speed of the motor on its way to where the run begins", "rad/s", gt=0.0, le=36000.0, follows=True
         ),
     ] = 20.0 * RADIANS
+
+
+class JointSensor(NamedTuple):
+    """Where the joint's angle comes from (docs/drives.md)."""
+
+    source: Annotated[
+        Literal["encoder", "imu", "stretch", "motor"],
+        Quantity("encoder: by [drive]; motor: the cable's model alone"),
+    ] = "encoder"
+    stream: Annotated[str | None, Quantity("udp:PORT, udp:ADDRESS:PORT or lsl:NAME", example="udp:5005")] = None
+    gives: Annotated[
+        Literal["angle", "quaternion", "inertial"],
+        Quantity("imu: °; w, x, y, z; or rates [°/s] and accelerations [g]"),
+    ] = "angle"
+    bodies: Annotated[int, Quantity("imu: on how many", ge=1, le=2)] = 1
+    axis: Annotated[
+        tuple[float, ...], Quantity("imu: in the first body's frame, flexing positive", ge=-1.0, le=1.0)
+    ] = (0.0, 0.0, 1.0)
+    zero: Annotated[tuple[float, ...], Quantity("imu: w, x, y, z at the joint's zero", ge=-1.0, le=1.0)] = (
+        *(1.0, 0.0, 0.0, 0.0),
+    )
+    curve_values: Annotated[tuple[float, ...], Quantity("stretch: readings", ge=-1e9, le=1e9)] = ()
+    curve_angles: Annotated[tuple[float, ...], Quantity("stretch: their angles", "rad", ge=-360.0, le=360.0)] = ()
+    period: Annotated[float, Quantity("between samples", "s", shown="ms", ge=1.0, le=100.0)] = 0.010
+    delay: Annotated[float, Quantity("age of a sample that comes", "s", shown="ms", ge=0.0, le=100.0)] = 0.010
+    noise: Annotated[float, Quantity("of a sample, 1 σ", "rad", ge=0.01, le=20.0)] = 2.0 * RADIANS
+    offset: Annotated[float, Quantity("lasting error, 1 σ", "rad", ge=0.0, le=20.0)] = 0.0
+    drift: Annotated[float, Quantity("imu: its speed", "rad/s", ge=0.0, le=10.0)] = RADIANS / 60.0
+    cable_error: Annotated[float, Quantity("of the cable's model, 1 σ", "rad", ge=0.1, le=30.0)] = 4.0 * RADIANS
+
+    @property
+    def estimated(self) -> bool:
+        """True if the joint's angle is an estimate."""
+        return self.source != "encoder"
+
+    @property
+    def sensed(self) -> bool:
+        """True if a sensor corrects it."""
+        return self.source in ("imu", "stretch")
 
 
 @answering_fields

@@ -127,7 +127,8 @@ def _joints(tree: Mapping[str, Any], path: Path) -> tuple[JointSettings, ...]:
 def _part(file: Any, name: str) -> Any:
     side = name.removesuffix("_encoder")
     section = getattr(file, name) if side == name else getattr(file.encoder, side)
-    return _value(name, section)
+    listed = any(isinstance(one, list) for one in vars(section).values())  # which nothing is kept by
+    return (_value.__wrapped__ if listed else _value)(name, section)
 
 
 @lru_cache(512)

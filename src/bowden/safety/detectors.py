@@ -15,6 +15,7 @@ from bowden.safety.evidence import (
     half_dead_zone,
     has_power,
     is_stale,
+    joint_doubt,
     most_step,
 )
 from bowden.safety.faults import Fault, Reaction
@@ -82,6 +83,7 @@ def run_detectors(limits: Limits, seen: Evidence) -> int:
         | bit(Fault.LOAD_STUCK, load_stuck(limits, seen))
         | bit(Fault.MOTORS_APART, motors_apart(limits, seen))
         | bit(Fault.JOINT_OFF_REFERENCE, joint_off_reference(limits, seen))
+        | bit(Fault.JOINT_UNSURE, joint_unsure(limits, seen))
     )
 
 
@@ -122,7 +124,8 @@ def joint_frozen(limits: Limits, seen: Evidence) -> bool:
 def joint_motor_mismatch(limits: Limits, seen: Evidence) -> bool:
     """The joint is where the cable, with any of its slopes and its play, cannot have it."""
     flat, steep = limits.slope_low * seen.state.motor.value, limits.slope_high * seen.state.motor.value
-    return outside(seen.state.joint.value, min(flat, steep) - limits.play, max(flat, steep) + limits.play)
+    play = limits.play + joint_doubt(limits, seen.observed.reading)
+    return outside(seen.state.joint.value, min(flat, steep) - play, max(flat, steep) + play)
 
 
 @kernel
@@ -141,6 +144,12 @@ def joint_over_speed(limits: Limits, seen: Evidence) -> bool:
 def joint_off_reference(limits: Limits, seen: Evidence) -> bool:
     """The joint has been off its reference for too long."""
     return beyond(seen.state.timers.off_reference, limits.off_reference_time)
+
+
+@kernel
+def joint_unsure(limits: Limits, seen: Evidence) -> bool:
+    """The joint's angle is an estimate, and its standard deviation too large or unknown."""
+    return limits.estimates_joint and beyond(seen.observed.reading.joint_std, limits.joint_std)
 
 
 # the motor's angle

@@ -26,6 +26,8 @@ DEAD_SHARE = 0.8
 """Of `frozen_travel`: the widest dead zone; the rest separates a frozen joint from one that starts late [–]."""
 PULLED_SPEED = 1.0
 """A motor without power, and of unknown current, that pulls faster is not turned by hand [rad/s]."""
+DOUBT = 3.0
+"""Standard deviations by which an estimate of the joint's angle may be off [–]."""
 BIG = 1e6
 """A reading or target of a larger size counts as no number."""
 
@@ -101,6 +103,14 @@ def most_step(limits: Limits, time: float, dt: float) -> float:
 
 
 @kernel
+def joint_doubt(limits: Limits, reading: DriveReading) -> float:
+    """How far an estimate of the joint's angle may be off; 0 of an encoder [rad]."""
+    if not limits.estimates_joint or outside(reading.joint_std, 0.0, limits.joint_std):
+        return 0.0
+    return DOUBT * reading.joint_std
+
+
+@kernel
 def validate_readings(limits: Limits, state: SupervisorState, observed: Observed, dt: float) -> ValidatedReadings:
     """The angles that are taken for true; without power the motor and the limb may be moved by hand."""
     reading = observed.reading
@@ -110,11 +120,12 @@ def validate_readings(limits: Limits, state: SupervisorState, observed: Observed
     sampled = max(0.0, time + state.sample_age - age)
     span, filtered = limits.sensor_span, limits.speed_filter
     jump = limits.jump if has_power(state.decided.mode) else BIG
+    joint_jump = max(jump, joint_doubt(limits, reading))
     motor = follow(
         state.motor, reading.motor, reading.motor_age == 0.0, sampled, span, jump, limits.motor_speed, filtered
     )
     joint = follow(
-        state.joint, reading.joint, reading.joint_age == 0.0, sampled, span, jump, limits.joint_speed, filtered
+        state.joint, reading.joint, reading.joint_age == 0.0, sampled, span, joint_jump, limits.joint_speed, filtered
     )
     return ValidatedReadings(clock_wrong, time, sampled, age, motor, joint)
 

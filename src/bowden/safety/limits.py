@@ -250,3 +250,10 @@ class Limits(NamedTuple):
     off_reference_time: Annotated[
         float, Quantity("how much longer it may be further off than nearer", "s", ge=0.0, le=10.0)
     ] = 1.0
+    estimates_joint: Annotated[
+        bool, Quantity("whether the joint's angle is an estimate, and no encoder's", key=None)
+    ] = False
+    joint_std: Annotated[
+        float,
+        Quantity("largest 1 σ of an estimated joint angle", "rad", ge=0.0, le=45.0),
+    ] = 0.15

@@ -61,6 +61,7 @@ def prepare_envelope(rate: float, settings: EnvelopeSettings = DEFAULTS) -> Enve
     return Envelope(high, first, second, third, low)
 
 
+@kernel
 def envelope_start(first: float) -> EnvelopeState:
     """Before the `first` sample."""
     return EnvelopeState(first, EMPTY, EMPTY, EMPTY, EMPTY, EMPTY)

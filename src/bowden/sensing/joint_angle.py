@@ -20,7 +20,7 @@ Source: R. E. Kalman, "A new approach to linear filtering and prediction problem
 import math
 from typing import Annotated, NamedTuple
 
-from bowden.core.kernel import exp, kernel, sqrt
+from bowden.core.kernel import exp, floor, kernel, sqrt
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 
@@ -179,7 +179,7 @@ def deviation(model: JointModel, covariance: Covariance, age: float) -> float:
 @kernel
 def stride(model: JointModel, dt: float) -> float:
     """Cycles from one prediction that is remembered to the next: all together reach back over the delay."""
-    return max(1.0, math.ceil(model.delay / (dt * (LENGTH - 2))))
+    return max(1.0, -floor(-model.delay / (dt * (LENGTH - 2))))
 
 
 @kernel
@@ -198,5 +198,5 @@ def cable_then(model: JointModel, history: History, since: float, cable: float, 
     if back <= since:
         return cable if since == 0.0 else cable + (history[LENGTH - 1] - cable) * back / since
     place = max(0.0, (LENGTH - 1) - (back - since) / stride(model, dt))
-    low = min(LENGTH - 2, math.floor(place))
+    low = min(LENGTH - 2, int(floor(place)))
     return history[low] + (history[low + 1] - history[low]) * (place - low)

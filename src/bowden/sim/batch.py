@@ -12,18 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.conditioning import Conditioning
-from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, noinline, sqrt
 from bowden.core.nested import unflatten_like
-from bowden.core.signals import Reference, Sample
+from bowden.core.signals import Reference
 from bowden.cycle.one_cycle import LAW, Plan, bare_settings, bare_start, one_cycle
 from bowden.plants.plant import (
     SheathPath,
+    measured_as,
     plant_advance,
     plant_effort,
     plant_look,
     plant_observe,
     plant_rest,
+    plant_sample,
     sheath_at,
 )
 from bowden.records.metrics import LATE, SMALLEST_STROKE
@@ -133,12 +134,11 @@ def run_batch(
         body = plant_rest(one.plant, one.initial_motor, sheath_at(sheath, 0))
         _, first = plant_observe(one.plant, body, normals[0])
         settings = bare_settings(one.gains, one.conditioning, one.source)
-        state = bare_start(settings, first)
+        state = bare_start(settings, measured_as(plant_sample(first), first))
         lasted = cycles
         for k in range(cycles):
             body, measured = plant_observe(one.plant, body, normals[k])
-            sample = as_it_is(one.fault, Sample(measured.joint, measured.motor), scratch[4:6], k)
-            measured = Measurement(sample.joint, sample.motor, measured.current, measured.load)
+            measured = measured_as(as_it_is(one.fault, plant_sample(measured), scratch[4:6], k), measured)
             scheduled = Reference(references[0, k], references[1, k], references[2, k])
             plan = Plan(LAW, one.initial_motor, scheduled)
             state, reference, command, _ = one_cycle(settings, state, measured, plan, one.dt)

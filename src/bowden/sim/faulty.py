@@ -1,5 +1,6 @@
 """A sensor that goes wrong for a while, in a simulation without a supervisor: what the law is shown."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,9 @@ def faulty(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int
     kept[0, k], kept[1, k] = sample.joint, sample.motor
     if not fault.begin <= k < fault.end:
         return sample
-    true = DriveReading(sample.motor, sample.joint, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    true = DriveReading(
+        sample.motor, sample.joint, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        sample.joint_age, sample.joint_std, math.nan,
+    )  # fmt: skip
     misread_sample = misread(fault.kind, k - fault.begin, true, kept[0], kept[1], k)
-    return Sample(misread_sample.joint, misread_sample.motor)
+    return Sample(misread_sample.joint, misread_sample.motor, sample.joint_age, sample.joint_std)

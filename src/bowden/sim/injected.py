@@ -185,4 +185,7 @@ def misread(
         foreign,
         reading.sample_age,
         reading.joint_torque,
+        reading.joint_sensor_age,
+        reading.joint_std,
+        reading.joint_sensor,
     )

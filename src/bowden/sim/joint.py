@@ -158,7 +158,7 @@ def at_start(side: Side) -> CableBody:
 def measure(side: Side, body: CableBody, joint: float, k: int) -> Measurement:
     """What a law sees in cycle k, the `joint` being measured [rad]."""
     motor = reading(body.motor.position, side.normals[k], side.plant.motor_encoder)
-    return Measurement(joint, joint_angle(side, motor), np.nan, np.nan)
+    return Measurement(joint, joint_angle(side, motor), np.nan, np.nan, np.nan, np.nan)
 
 
 @kernel

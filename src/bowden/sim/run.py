@@ -12,23 +12,25 @@ from bowden.control.conditioning import COLUMNS as CONDITIONED
 from bowden.control.conditioning import Conditioning
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
-from bowden.control.source import TABLE, Measurement, Source
+from bowden.control.source import TABLE, Source
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat
-from bowden.core.signals import Reference, Sample
+from bowden.core.signals import Reference
 from bowden.cycle.one_cycle import BARE, LAW, Plan, bare_settings, bare_start, law_and_source, one_cycle
 from bowden.models.cable.sheath_path import BendPath, constant_bend
 from bowden.plants.plant import (
     Dynamics,
     Plant,
     SheathPath,
+    measured_as,
     plain,
     plant_advance,
     plant_effort,
     plant_look,
     plant_observe,
     plant_rest,
+    plant_sample,
     refuse_no_number,
     sheath_at,
     sheath_path,
@@ -92,11 +94,11 @@ def run_loop(
     body = plant_rest(plant, initial_motor, sheath_at(sheath, 0))
     _, first = plant_observe(plant, body, normals[0])
     settings = bare_settings(gains, conditioning, source)
-    state = bare_start(settings, first)
+    state = bare_start(settings, measured_as(plant_sample(first), first))
     for k in range(cycles):
         body, measured = plant_observe(plant, body, normals[k])
-        sample = as_it_is(fault, Sample(measured.joint, measured.motor), kept, k)
-        measured = Measurement(sample.joint, sample.motor, measured.current, measured.load)
+        sample = as_it_is(fault, plant_sample(measured), kept, k)
+        measured = measured_as(sample, measured)
         scheduled = Reference(references[0, k], references[1, k], references[2, k])
         state, reference, command, _ = one_cycle(settings, state, measured, Plan(LAW, initial_motor, scheduled), dt)
         references[0, k], references[1, k], references[2, k] = reference

@@ -30,8 +30,9 @@ static [[detector_state]] muscles[LOOP_MUSCLES];
 {% if proportional %}
 static envelope_EnvelopeState envelope;
 static volatile float share; /* of the largest contraction */
+static bool heard;
 {% endif %}
-static volatile bool heard[LOOP_MUSCLES], fresh[LOOP_MUSCLES], contracts[LOOP_MUSCLES], troubled[LOOP_MUSCLES];
+static volatile bool fresh[LOOP_MUSCLES], contracts[LOOP_MUSCLES], troubled[LOOP_MUSCLES];
 static double emg_age[LOOP_MUSCLES], trouble; /* since a sample came; since a signal is bad, away from rest [s] */
 static course_CourseState course;
 
@@ -39,22 +40,20 @@ void loop_emg(const int muscle, const double value)
 {
     [[detector]]_Trouble found;
 
-    if (!heard[muscle]) {
-        [[detector]]_start(&muscles[muscle], ([[detector]]_real)value);
-{% if proportional %}
-        envelope_start(&envelope, (envelope_real)value);
-{% endif %}
-    }
     contracts[muscle] = [[detector]]_step(&muscles[muscle], ([[detector]]_real)value, &found);
     troubled[muscle] = found != 0;
 {% if proportional %}
     if (muscle == 0) {
         envelope_real signal;
+        if (!heard) {
+            envelope_start(&envelope, (envelope_real)value);
+        }
+        heard = true;
         const double level = (double)envelope_step(&envelope, (envelope_real)value, &signal);
         share = (float)((level - [[levels.rest]]) / ([[levels.mvc]] - [[levels.rest]]));
     }
 {% endif %}
-    heard[muscle] = fresh[muscle] = true;
+    fresh[muscle] = fresh[muscle] || isfinite(value);
 }
 
 /* The age of the newest sample: the older muscle's; a bad signal away from rest ages after a second. */
@@ -65,7 +64,7 @@ static double age_of_emg(const double elapsed)
     bool bad = false;
 
     for (int i = 0; i < LOOP_MUSCLES; ++i) {
-        emg_age[i] = !heard[i] ? INFINITY : fresh[i] ? 0.0 : emg_age[i] + elapsed;
+        emg_age[i] = fresh[i] ? 0.0 : emg_age[i] + elapsed;
         fresh[i] = false;
         age = emg_age[i] > age ? emg_age[i] : age;
         bad = bad || troubled[i];
@@ -88,6 +87,9 @@ static safety_Observed observe(const double lateness, const double elapsed)
             .tension = NAN,
             .temperature = NAN,
             .joint_torque = NAN,
+            .joint_sensor_age = NAN,
+            .joint_std = NAN,
+            .joint_sensor = NAN,
             .drive_state = SAFETY_DRIVE_STATE_SWITCH_ON_DISABLED,
         },
         .lateness = lateness,
@@ -142,6 +144,12 @@ void loop_begin(void)
     safety_ThermalState warmth;
     safety_DriveReading reading;
 
+{% if detector %}
+    for (int i = 0; i < LOOP_MUSCLES; ++i) {
+        [[detector]]_start(&muscles[i]);
+        emg_age[i] = INFINITY;
+    }
+{% endif %}
     board_begin();
     mode = SAFETY_MODE_STOPPED;
     reading = observe(0.0, LOOP_PERIOD).reading;

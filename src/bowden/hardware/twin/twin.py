@@ -20,10 +20,12 @@ from bowden.hardware.buses.place import ERROR, REMOTE, BusPlace
 from bowden.hardware.twin.control import ControlServer, control_path
 from bowden.hardware.twin.faults import Faults, Send
 from bowden.hardware.twin.injection import OF_CABLE, OF_LOAD_CELL, Injection, parse
+from bowden.hardware.twin.joint_stream import JointSensorTwin
 from bowden.hardware.twin.node import Journal, TwinNode
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.sensor_node import SensorNode
 from bowden.hardware.twin.serial_port import serial_port
+from bowden.rig.settings import JointSensor
 
 TICK = 1e-3
 """Longest wait [s]."""
@@ -70,6 +72,7 @@ class Twin:
         self._journal: deque[tuple[float, str, str]] = deque(maxlen=20_000)
         self._node = make_node(self._send, self._note)
         self._beside: SensorNode | None = None
+        self._sensor: JointSensorTwin | None = None
         self._own_bus: can.BusABC | None = None
         self._unsent, self._longest_wait, self._ticked = 0, 0.0, clock()
         self._began, self._began_cpu = clock(), sum(os.times()[:2])
@@ -89,6 +92,15 @@ class Twin:
             self._own_bus = open_bus(place, create=True)
         send = self._send if place is None else self._send_apart
         self._beside = make(self._node.bench, self._node.faults, send)
+
+    def sense(self, sensor: JointSensor, seed: int) -> None:
+        """Put the twin of a joint's sensor that is no encoder beside the drive.
+
+        Raises:
+            StreamError: liblsl is not there.
+        """
+        bench = self._node.bench
+        self._sensor = JointSensorTwin(sensor, lambda: bench.joint, self._node.faults, seed)
 
     def stop(self) -> None:
         """Let `run` end; for signal handlers."""
@@ -110,6 +122,8 @@ class Twin:
         if self._own_bus is not None:
             self._own_bus.shutdown()
             self._own_bus = None
+        if self._sensor is not None:
+            self._sensor.close()
         if self._line is not None:
             self._line.close()
         self._control.close()
@@ -135,6 +149,8 @@ class Twin:
         self._node.tick(now)
         if self._beside is not None:
             self._beside.tick(now)
+        if self._sensor is not None:
+            self._sensor.tick(now)
         self._control.answer(lambda request: self._answer(request, self._clock()))
 
     def _join_or_leave(self, now: float) -> None:
@@ -205,6 +221,7 @@ class Twin:
         """
         named = f"{fault.name} {fault.side}".rstrip()
         of_beside = self._beside is not None and fault.name in OF_LOAD_CELL
+        of_beside = of_beside or (self._sensor is not None and fault.name == "joint_silence")
         if named in self._node.lacks and not of_beside:
             raise ParameterError(f"{named}: {self._node.lacks[named]}", expected="another fault")
         if fault.name in OF_CABLE and not self._node.bench.has_cable:

@@ -1,3 +1,4 @@
+#include <math.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -63,7 +64,7 @@ int main(void)
         *at = PATTERN;
     }
     for (size_t k = 0; k < count; ++k) {
-        const [[name]]_Sample sample = {([[name]]_real)ROWS[k][0], ([[name]]_real)ROWS[k][1]};
+        const [[name]]_Sample sample = {([[name]]_real)ROWS[k][0], ([[name]]_real)ROWS[k][1], NAN, NAN};
         const [[name]]_Reference reference = {
             ([[name]]_real)ROWS[k][2], ([[name]]_real)ROWS[k][3], ([[name]]_real)ROWS[k][4]
         };

@@ -13,18 +13,17 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.export.files import rendered
+from bowden.export.readme import CHIP
 
-COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
-FLAGS = (
-    *("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-O2", "-ffp-contract=off"),
-    *("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-ffunction-sections"),
-)
+SIZE, EMULATOR = "arm-none-eabi-size", "qemu-system-arm"
+COMPILER, *FLAGS = CHIP.split()
 _LINK = ("-nostartfiles", "--specs=nosys.specs", "-Wl,--gc-sections,--no-warn-rwx-segments", "-T", "board.ld")
 _BOARD = (
     *("-machine", "mps2-an386", "-icount", "shift=0", "-display", "none", "-monitor", "none", "-serial", "none"),
     *("-semihosting-config", "enable=on,target=native"),
 )
+_HERE = Path(__file__).parent
+BOARD = (_HERE / "cortex.c").read_text(encoding="utf-8")
 PER_TICK = 40
 """Instructions in one tick of the core's timer, at 25 MHz."""
 _PATIENCE = 120.0
@@ -70,8 +69,8 @@ def measure(prefix: str, texts: Mapping[str, str], rows: Sequence[Sequence[float
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
         numbers = ",\n".join("{" + ", ".join(float(value).hex() for value in row) + "}" for row in rows)
-        (folder / "main.c").write_text(rendered("cortex.c", name=prefix, rows=numbers))
-        (folder / "board.ld").write_text(rendered("cortex.ld"))
+        (folder / "main.c").write_text(BOARD.replace("[[name]]", prefix).replace("[[rows]]", numbers))
+        shutil.copy(_HERE / "cortex.ld", folder / "board.ld")
         _run([COMPILER, *FLAGS, "-c", f"{prefix}.c"], folder)
         _run([COMPILER, *FLAGS, *_LINK, "main.c", f"{prefix}.o", "-lm", "-o", "image.elf"], folder)
         said = _run([EMULATOR, *_BOARD, "-kernel", "image.elf"], folder)

@@ -1,0 +1,222 @@
+"""Samples of a joint's sensor as they come: by UDP, a line of text in each datagram, or from the Lab Streaming Layer.
+
+    time v₁ … vₙ
+
+numbers apart by blanks or commas: when the sample was taken, by the sender's own clock [s], and what the sensor gives
+(docs/drives.md). What is no such line, comes from somebody else than the first sender, or is no newer than the
+last one is left out. Nothing here waits once it is open.
+"""
+
+import contextlib
+import math
+import socket
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+from bowden.core.clock import SECOND, MonotonicClock, TimeSource
+from bowden.core.errors import StreamError
+from bowden.core.extras import extra_module
+from bowden.hardware.emg.lsl_info import library
+from bowden.rig.joint_sensor import address_of
+from bowden.rig.settings import JointSensor
+from bowden.sensing.joint_sample import (
+    Quaternion,
+    angle_about,
+    between,
+    in_degrees,
+    numbers_in,
+    on_curve,
+    orientation,
+)
+
+MOST = 64
+"""Samples taken in one look."""
+LONGEST = 1024
+"""Of a datagram [bytes]."""
+WAIT = 5.0
+"""How long the first sample is waited for [s]."""
+
+
+class Raw(NamedTuple):
+    """One sample as it was sent."""
+
+    time: float
+    """By the sender's clock [s]."""
+    values: tuple[float, ...]
+
+
+def line_of(raw: Raw) -> bytes:
+    """A sample as it is sent."""
+    return (" ".join(f"{one:.9g}" for one in (raw.time, *raw.values)) + "\n").encode()
+
+
+def raw_of(line: bytes, numbers: int) -> Raw | None:
+    """The sample of a line; None of what is none."""
+    try:
+        time, *values = map(float, line.decode("ascii").replace(",", " ").split())
+    except ValueError:
+        return None
+    if len(values) != numbers or not all(map(math.isfinite, (time, *values))):
+        return None
+    return Raw(time, tuple(values))
+
+
+class _Stream(Protocol):
+    def look(self) -> list[Raw]:
+        """What has come since the last look."""
+
+    def close(self) -> None:
+        """Leave it."""
+
+
+class UdpLines:
+    """Datagrams at a port.
+
+    Raises:
+        StreamError: the port cannot be used.
+    """
+
+    def __init__(self, host: str, port: int, numbers: int) -> None:
+        self._numbers, self._sender, self._last = numbers, "", -math.inf
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            raise StreamError(
+                f"udp:{host}:{port} cannot be listened to: {error.strerror or error}",
+                expected="a free port of this computer",
+                do="end the other program there, or choose another port in [joint_sensor]",
+            ) from None
+        self._socket.setblocking(False)
+
+    def look(self) -> list[Raw]:
+        """What has come since the last look."""
+        found: list[Raw] = []
+        for _ in range(MOST):
+            try:
+                line, (host, _) = self._socket.recvfrom(LONGEST)
+            except OSError:  # nothing is there
+                break
+            raw = raw_of(line, self._numbers)
+            self._sender = self._sender or (host if raw else "")
+            if raw is not None and host == self._sender and raw.time > self._last:
+                self._last = raw.time
+                found.append(raw)
+        return found
+
+    def close(self) -> None:
+        """Leave the port."""
+        self._socket.close()
+
+
+class LslSamples:
+    """A stream of the Lab Streaming Layer, whose channels are the line's values.
+
+    Raises:
+        StreamError: there is no such stream, or it has another number of channels.
+    """
+
+    def __init__(self, name: str, numbers: int) -> None:
+        lsl = library()
+        found = lsl.resolve_byprop("name", name, 1, WAIT)
+        if not found:
+            raise StreamError(f"there is no LSL stream {name!r}", do="start its sender, or correct joint_sensor.stream")
+        if found[0].channel_count() != numbers:
+            raise StreamError(
+                f"the LSL stream {name!r} has {found[0].channel_count()} channels",
+                expected=f"{numbers}, by [joint_sensor]",
+                do="correct source, gives or bodies there",
+            )
+        self._inlet: Any = lsl.StreamInlet(found[0], max_buflen=1)
+        self._last = -math.inf
+
+    def look(self) -> list[Raw]:
+        """What has come since the last look."""
+        values, times = self._inlet.pull_chunk(timeout=0.0, max_samples=MOST)
+        found = []
+        for time, row in zip(times, values, strict=True):
+            if time > self._last and all(map(math.isfinite, row)):
+                self._last = time
+                found.append(Raw(time, tuple(row)))
+        return found
+
+    def close(self) -> None:
+        """Leave the stream."""
+        with contextlib.suppress(RuntimeError):
+            self._inlet.close_stream()
+
+
+class JointSamples:
+    """Angles of a joint by its sensor.
+
+    Args:
+        sensor: of the rig, with a stream.
+
+    Raises:
+        StreamError: the stream cannot be opened.
+        MissingExtraError: samples of rates and accelerations, without imufusion.
+    """
+
+    def __init__(self, sensor: JointSensor) -> None:
+        self._sensor = sensor
+        numbers = numbers_in(sensor.source, sensor.gives, sensor.bodies)
+        self._fused: list[Any] = []
+        if sensor.source == "imu" and sensor.gives == "inertial":
+            fusion = extra_module("imufusion", "imu", 'joint_sensor.gives = "inertial"')
+            self._fused = [fusion.Ahrs() for _ in range(sensor.bodies)]
+        self._before = math.nan
+        kind, where = address_of(sensor)
+        self._stream: _Stream = LslSamples(where[0], numbers) if kind == "lsl" else UdpLines(*where, numbers)
+
+    def look(self) -> float:
+        """The newest angle that has come since the last look; NaN where none has [rad]."""
+        angle = math.nan
+        for raw in self._stream.look():
+            angle = self._angle(raw)
+        return angle
+
+    def raw(self) -> list[Sequence[float]]:
+        """What has come since the last look, for a calibration: a reading, or the orientation of `between`."""
+        return [self._oriented(one) if self._sensor.source == "imu" else one.values for one in self._stream.look()]
+
+    def wait(self, clock: TimeSource | None = None) -> None:
+        """Wait for the first sample.
+
+        Raises:
+            StreamError: none comes.
+        """
+        time = MonotonicClock() if clock is None else clock
+        end = time.now() + round(WAIT * SECOND)
+        while math.isnan(self.look()):
+            if time.now() > end:
+                raise StreamError(
+                    f"no sample of the joint's sensor has come by {self._sensor.stream} within {WAIT:g} s",
+                    expected="lines of its time and its values (docs/drives.md)",
+                    do="look at the sensor, its program and [joint_sensor]",
+                )
+            time.sleep_until(time.now() + SECOND // 200)
+
+    def close(self) -> None:
+        """Leave the stream."""
+        self._stream.close()
+
+    def _angle(self, raw: Raw) -> float:
+        sensor = self._sensor
+        if sensor.source == "stretch":
+            return on_curve(raw.values[0], sensor.curve_values, sensor.curve_angles)
+        if sensor.gives == "angle":
+            return in_degrees(raw.values[0])
+        return angle_about(self._oriented(raw), sensor.zero, sensor.axis)
+
+    def _oriented(self, raw: Raw) -> Quaternion:
+        if not self._fused:
+            return between([orientation(raw.values[i : i + 4]) for i in range(0, len(raw.values), 4)])
+        import numpy as np
+
+        elapsed, self._before = raw.time - self._before, raw.time
+        for i, one in enumerate(self._fused):
+            rates, pull = (np.array(raw.values[6 * i + 3 * k : 6 * i + 3 * k + 3]) for k in (0, 1))
+            one.set_sample_period(elapsed if 0.0 < elapsed < 1.0 else self._sensor.period)
+            one.update_no_magnetometer(rates, pull)
+        return between([orientation(one.get_quaternion()) for one in self._fused])
