@@ -51,11 +51,11 @@ LAW_LOOP = """
 void steps(const double *rows, long count, double *out);
 void steps(const double *rows, long count, double *out)
 {
-    const @NAME@_Sample first = {(@NAME@_real)rows[1], (@NAME@_real)rows[2]};
+    const @NAME@_Sample first = {(@NAME@_real)rows[1], (@NAME@_real)rows[2], 0, 0};
     @NAME@_LawState state;
     @NAME@_start(&state, &first);
     for (long k = 0; k < count; ++k, rows += 7) {
-        const @NAME@_Sample sample = {(@NAME@_real)rows[1], (@NAME@_real)rows[2]};
+        const @NAME@_Sample sample = {(@NAME@_real)rows[1], (@NAME@_real)rows[2], 0, 0};
         const @NAME@_Reference reference = {(@NAME@_real)rows[3], (@NAME@_real)rows[4], (@NAME@_real)rows[5]};
         out[k] = (double)@NAME@_step(&state, &sample, &reference);
     }
@@ -78,7 +78,7 @@ AS_A_LAW = {
 #include "onset.h"
 typedef onset_real detector_real;
 typedef onset_OnsetState detector_LawState;
-typedef struct { detector_real value, unused; } detector_Sample;
+typedef struct { detector_real value, unused, none, neither; } detector_Sample;
 typedef struct { detector_real one, two, three; } detector_Reference;
 void detector_start(detector_LawState *state, const detector_Sample *sample);
 detector_real detector_step(

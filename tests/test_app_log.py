@@ -125,6 +125,8 @@ def test_info_tells_what_the_log_holds(rows: np.ndarray, capsys: pytest.CaptureF
     told = document(["info", "run.mcap"], capsys, "log info")
     assert (told["cycles"], told["missing"], told["closed"], told["whole"]) == (CYCLES, 0, True, True)
     assert told["duration_s"] == pytest.approx(2.999)
+    mode = rows[:, list(told["columns"]).index("mode")]
+    assert told["running_s"] == rows[int(np.argmax(mode == Mode.RUNNING)), 0]
     assert told["start_utc"] == "2023-11-14T22:13:20+00:00"
     assert (told["law"], told["seed"], told["sample_time_s"]) == ("adaptive", 2, pytest.approx(1e-3))
     lateness = rows[:, list(told["columns"]).index("lateness")]
@@ -145,6 +147,7 @@ def test_info_tells_what_the_log_holds(rows: np.ndarray, capsys: pytest.CaptureF
     printed = capsys.readouterr()
     assert "3000 cycles" in printed.out
     assert "closed properly  yes" in printed.out
+    assert f"running          from {told['running_s'] - told['begin_s']:.3f} s on" in printed.out
     assert printed.err == ""
 
 

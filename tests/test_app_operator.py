@@ -35,8 +35,8 @@ from bowden.live.preflight import Reason
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import columns
 from bowden.live.screen import picture
-from bowden.live.session import PATIENCE, patient
-from bowden.live.stops import MotorFaults, told_apart
+from bowden.live.session import PATIENCE, relax_twin_limits
+from bowden.live.stops import MotorFaults, split_root_causes
 from bowden.models.drive.thermal import Thermal, cold
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
@@ -57,7 +57,7 @@ def row(**values: float) -> dict[str, float]:
 def faults_of(row: dict[str, float], came: dict[Fault, float]) -> list[MotorFaults]:
     """The faults of a row as a session with one motor has them."""
     there = {fault: came.get(fault, row["time"]) for fault in of(row["faults"])}
-    return [MotorFaults("", *told_apart(there), there)] if there else []
+    return [MotorFaults("", *split_root_causes(there), there)] if there else []
 
 
 @dataclass
@@ -463,11 +463,12 @@ def test_faults_are_told_in_the_order_of_time_and_consequences_as_such() -> None
     assert "joint angle does not change: " in lines[1]
     assert lines[2].split() == ["follows", "drive", "silent"]
     at_once = dict.fromkeys((Fault.MOTOR_JUMP, Fault.LATE, Fault.JOINT_OVER_TRAVEL), 1.0)
-    assert told_apart(at_once) == ((*at_once,), ()), "no lateness moves a joint"
+    assert split_root_causes(at_once) == ((*at_once,), ()), "no lateness moves a joint"
     lost = {Fault.EMG_LOST: 1.0, Fault.LATE: 1.3, Fault.HEARTBEAT_LOST: 1.3}
-    assert told_apart(lost) == ((Fault.EMG_LOST, Fault.LATE), (Fault.HEARTBEAT_LOST,)), "electrodes, or this computer"
+    found = (Fault.EMG_LOST, Fault.LATE), (Fault.HEARTBEAT_LOST,)
+    assert split_root_causes(lost) == found, "electrodes, or this computer"
     del at_once[Fault.JOINT_OVER_TRAVEL]
-    assert told_apart(at_once) == ((Fault.LATE,), (Fault.MOTOR_JUMP,)), "a loose plug is not looked for"
+    assert split_root_causes(at_once) == ((Fault.LATE,), (Fault.MOTOR_JUMP,)), "a loose plug is not looked for"
 
 
 def log_of(*modes_and_faults: tuple[Mode, int, tuple[Fault, ...]], late: float = 0.0, alone: float = 0.0) -> Recording:
@@ -596,11 +597,13 @@ def test_a_rig_is_not_run_over_ssh_unless_somebody_stands_at_it(
 def test_a_twin_of_the_commands_own_may_answer_late_and_a_drive_may_not() -> None:
     rig = Rig()
     assert rig.supervisor_limits.reading_age == 2.0
-    assert patient(rig).limits == rig.limits._replace(reading_age=20.0, operator_age=1.0), "as late as the loop"
-    assert patient(rig.replace(sample_time=0.002)).limits.reading_age == 10.0
+    assert relax_twin_limits(rig).limits == rig.limits._replace(reading_age=20.0, operator_age=1.0), (
+        "as late as the loop"
+    )
+    assert relax_twin_limits(rig.replace(sample_time=0.002)).limits.reading_age == 10.0
     strict = rig.replace(limits=rig.limits._replace(reading_age=3.0, operator_age=0.1))
-    assert patient(strict).limits == strict.limits
-    measured = patient(rig, measure=True).supervisor_limits
+    assert relax_twin_limits(strict).limits == strict.limits
+    measured = relax_twin_limits(rig, measure=True).supervisor_limits
     assert measured.lateness + measured.bridge_time < measured.heartbeat_age <= PATIENCE
     assert (measured.reading_age, measured.operator_age) == (50.0, PATIENCE)
-    assert patient(strict, measure=True).limits.reading_age == 3.0
+    assert relax_twin_limits(strict, measure=True).limits.reading_age == 3.0

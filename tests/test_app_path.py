@@ -1,9 +1,11 @@
 """From a log to a running law, each command being the one that the last line of the one before names."""
 
 import importlib
+import re
 import shlex
 import subprocess
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -223,6 +225,22 @@ def test_check_does_not_name_itself(capsys: pytest.CaptureFixture[str]) -> None:
     call = Call({"rig": "rig.toml", "law": "adaptive", "preset": None}, {})
     _say_next_of(SimpleNamespace(checks={"": lost}), Rig(), "", ["--law", "adaptive"], call)  # type: ignore[arg-type]
     assert capsys.readouterr().out == "Next: change the rig as the advice says, then check it again\n"
+
+
+def test_guessed_counts_are_named_until_the_keys_that_are_named_are_set(tmp_path: Path) -> None:
+    time = np.arange(0.0, 20.0, 0.01)
+    fit = bowden.identify(time, 0.6 - 0.6 * np.cos(2.0 * time), 0.5 - 0.5 * np.cos(2.0 * time - 0.05))
+    fit.write(tmp_path / "model.toml")
+    assert run(["init", str(tmp_path / "rig.toml"), "--model", str(tmp_path / "model.toml")]) == 0
+    made = bowden.init(fit)
+    (said,) = (note for note in made.notes if note.startswith("Encoders: "))
+    text = (tmp_path / "rig.toml").read_text()
+    for section in re.findall(r"encoder\.(\w+)\.resolution_deg", said):
+        before, after = text.split(f"[encoder.{section}]")
+        after = re.sub("resolution_deg = [0-9.]+", "resolution_deg = 0.09", after, count=1)
+        text = f"{before}[encoder.{section}]{after}"
+    (tmp_path / "rig.toml").write_text(text)
+    assert replace(made, rig=bowden.Rig.read(tmp_path / "rig.toml")).notes == tuple(n for n in made.notes if n != said)
 
 
 @pytest.mark.parametrize(("unit", "counts"), [("counts", (8192.0, 4000.0)), ("rad,counts", (None, 4000.0))])

@@ -114,3 +114,22 @@ def test_what_a_twin_cannot_be_told_is_refused(
     (tmp_path / "rig.toml").write_text(RIG)
     assert run(["twin", str(tmp_path / "rig.toml"), *words, "--channel", str(tmp_path / "b")]) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("family", ["dynamixel", "feetech"])
+def test_the_first_hour_with_a_serial_servo(family: str, tmp_path: Path) -> None:
+    """What init writes is run on its twin as it is, and replayed without a difference."""
+    rig, out = tmp_path / "rig.toml", tmp_path / "out"
+    subprocess.run([*COMMAND, "init", str(rig), "--drive", family], check=True, capture_output=True, timeout=60)
+    run = [*COMMAND, "run", str(rig), "--twin", "--auto", "--duration", "3", "--json", "--out", str(out)]
+    said: list[str] = []
+    for _ in tries():
+        done = subprocess.run(run, capture_output=True, text=True, timeout=120, check=False)
+        said.append(done.stderr)
+        if done.returncode == 0:
+            log = max(out.glob("*.mcap"), key=lambda path: path.stat().st_mtime)
+            replay = [*COMMAND, "log", "replay", str(log), "--json"]
+            again = subprocess.run(replay, capture_output=True, text=True, timeout=60, check=True)
+            assert json.loads(again.stdout)["differs"] is False
+            return
+    pytest.fail(f"no run came through: {said}")

@@ -208,7 +208,7 @@ def test_the_command_prints_one_document(
     printed = capsys.readouterr().out
     assert printed.startswith(f"verdict       {document['verdict']}: ")
     assert "come to rest" not in document["reason"], "where a limit cycle is confirmed"
-    assert ("proven bound  none of use" in printed) is not bool(preset), "a bound of many turns"
+    assert ("proven bound  no help here" in printed) is not bool(preset), "a bound of many turns"
     assert "±none" not in printed
 
 

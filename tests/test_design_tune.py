@@ -4,6 +4,7 @@ import importlib
 import json
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -21,6 +22,7 @@ from bowden.design.check_result import MOST_PER_COUNT
 from bowden.design.gains_text import with_gains
 from bowden.design.tune import NoGainsError, tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task, chatter, keeps, shortfall
+from bowden.design.tune_result import REACH
 from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
 from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_bend
@@ -289,3 +291,28 @@ def test_an_interrupted_search_leaves_its_best_gains(
     text = Path("rig.toml").read_text(encoding="utf-8")
     assert "found, interrupted after 0 generations, for a servo of" in text
     assert tomllib.loads(text)["control"]["gains"]
+
+
+@pytest.mark.usefixtures("small_search")
+def test_a_gain_at_the_end_of_the_search_is_named_and_the_next_search_begins_there() -> None:
+    found = tune(BENCH, ADAPTIVE, generations=1)
+    assert found.at_bounds == ()
+    value = found.law.numbers["feedback_gain"]
+    far = replace(found, stood={**found.stood, "feedback_gain": value / np.exp(0.99 * REACH)})
+    (said,) = far.at_bounds
+    assert said.startswith("feedback_gain")
+    assert said.endswith("tune once more, to go on from there")
+    assert "at a bound" in repr(far)
+    assert tune(BENCH, found.law, generations=1).stood["feedback_gain"] == value
+
+
+@pytest.mark.usefixtures("small_search")
+def test_a_gain_at_the_laws_own_limit_is_named_with_what_it_means() -> None:
+    most = 0.7 * ADAPTIVE.numbers["feedback_gain"]
+    bounded = replace(ADAPTIVE, limits={**ADAPTIVE.limits, "feedback_gain": (1.0, most)})
+    found = tune(BENCH, bounded.with_gains(feedback_gain=0.5 * most), generations=2)
+    assert found.law.numbers["feedback_gain"] == most
+    (said,) = (text for text in found.at_bounds if text.startswith("feedback_gain"))
+    assert "is the largest value that the law takes" in said
+    free = tune(BENCH, replace(found.law, limits=ADAPTIVE.limits), generations=2)
+    assert free.worst_rmse < found.worst_rmse

@@ -23,7 +23,7 @@ GLUE = """
 static {name}_LawState {name}_kept;
 static double {name}_glue(double anew, double joint, double motor, double p, double v, double a)
 {{
-    const {name}_Sample sample = {{({name}_real)joint, ({name}_real)motor}};
+    const {name}_Sample sample = {{.joint = ({name}_real)joint, .motor = ({name}_real)motor}};
     const {name}_Reference reference = {{({name}_real)p, ({name}_real)v, ({name}_real)a}};
     if (anew != 0.0) {{
         {name}_start(&{name}_kept, &sample);

@@ -14,12 +14,12 @@ import pytest
 import bowden
 from bowden.core.signals import Reference
 from bowden.cycle.one_cycle import Cycle, Plan, TargetSource
-from bowden.export.counts import Counts, counts_of, joint_angle, motor_angle, motor_counts
 from bowden.export.readme import FLAGS
 from bowden.hardware.ports import Power
 from bowden.live.row import NOTHING_READ
 from bowden.models.drive.thermal import cold
 from bowden.operations.export import limits_of
+from bowden.rig.counts import Counts, counts_of, joint_angle, motor_angle, motor_counts
 from bowden.safety.faults import Fault, Reaction
 from bowden.safety.state import Mode, Observed, PreflightResult, Request
 from loop_rig import twin_bench

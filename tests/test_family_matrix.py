@@ -17,6 +17,7 @@ from bowden.hardware.drives import (
     canopen_drive,
     moteus_drive,
     odrive_drive,
+    servo_drive,
 )
 from bowden.hardware.drives.findings import LagWatch
 from bowden.hardware.drives.load_cell import LoadCellReader
@@ -40,7 +41,7 @@ LOAD_SAMPLE = [next(case for case in LOAD_CASES[k::5] if case[0] == cell) for k,
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (ak_drive, canopen_drive, moteus_drive, odrive_drive):
+    for module in (ak_drive, canopen_drive, moteus_drive, odrive_drive, servo_drive):
         monkeypatch.setattr(module, "LISTENING", 0.02)
 
 
@@ -88,7 +89,14 @@ def test_a_load_cell_that_is_slow_or_cut_from_the_first_gets_no_run(missed: int,
 
 @pytest.mark.parametrize(
     ("name", "serial"),
-    [("cia402", "0-1-1"), ("ak_mit", ""), ("moteus", "7477696e0000656e626f7764"), ("odrive", "626f7764656e")],
+    [
+        ("cia402", "0-1-1"),
+        ("ak_mit", ""),
+        ("moteus", "7477696e0000656e626f7764"),
+        ("odrive", "626f7764656e"),
+        ("dynamixel", ""),
+        ("feetech", ""),
+    ],
 )
 def test_a_drive_tells_its_serial_number_where_its_family_has_one(name: str, serial: str) -> None:
     rig, bus, _ = played(name)

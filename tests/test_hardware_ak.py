@@ -9,18 +9,24 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError, ParameterError, SafetyError
 from bowden.core.signals import DriveReading
+from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.drives import ak_drive
 from bowden.hardware.drives.ak_frames import (
     ENTER,
     EXIT,
     HIGHEST_POSITION,
     MODELS,
+    MODELS_V3,
     ZERO,
     AkCommand,
+    AkReply,
     pack_command,
+    pack_command_v3,
     pack_reply,
+    pack_state_v3,
     unpack_command,
     unpack_reply,
+    unpack_state_v3,
 )
 from bowden.hardware.drives.families.ak_mit import AkParameters
 from bowden.hardware.drives.findings import INERT, LOST_RANGE
@@ -47,6 +53,71 @@ def found(readings: list[DriveReading]) -> set[float]:
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ak_drive, "LISTENING", 0.02)
+
+
+V3 = asking(DRIVE._replace(board="v3"), sample_time=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("speed", "frame"), [(0.0, "0003338000800800"), (2.0, "0003338000892800"), (5.0, "000333800096d800")]
+)
+def test_a_command_to_a_board_v3_is_as_public_code_has_it(speed: float, frame: str) -> None:
+    """Frames with which others have moved a motor whose speeds are those of an AK10-9."""
+    assert pack_command_v3(AkCommand(0.0, speed, 0.0, 1.0, 0.0), MODELS_V3["AK10-9"]).hex() == frame
+
+
+@given(st.floats(-12.0, 12.0), st.floats(-50.0, 50.0), st.floats(-15.0, 15.0), st.integers(-20, 120))
+def test_a_state_of_a_board_v3_says_what_went_in(position: float, speed: float, torque: float, heat: int) -> None:
+    model = MODELS_V3["AK80-9"]
+    told = AkReply(3, position, speed, torque, heat, 0, at_end=False)
+    said = unpack_state_v3(pack_state_v3(told, model, 0.8), 3, model, 0.8)
+    assert said is not None
+    assert math.isclose(said.position, position, abs_tol=math.radians(0.051))
+    assert math.isclose(said.torque, torque, abs_tol=0.0041)
+    assert math.isclose(said.velocity, speed, abs_tol=0.003)
+
+
+def test_a_board_v3_follows_without_an_order_to_enter_a_mode() -> None:
+    loop = DriverLoop(V3).up()
+    assert math.isclose(loop.run(300, Power.ON, speed=1.0)[-1].motor, loop.node.bench.motor, abs_tol=0.01)
+    assert {identifier for _, identifier, _ in loop.sent} <= {0x801, 0x80}  # commands to it, and SYNC for the joint's
+    assert all(data not in (ENTER, EXIT, ZERO) for _, _, data in loop.sent)
+    loop.advance(0.03)
+    assert not loop.powered  # its CAN timeout
+    loop.drive.close()
+
+
+def test_an_order_of_servo_mode_to_a_board_v3_is_another_masters() -> None:
+    loop = DriverLoop(V3).up()
+    loop.put(EXTENDED | 0x401, bytes(4))
+    assert sum(reading.foreign for reading in loop.run(2, Power.ON)) == 1.0
+
+
+def test_a_board_v3_that_tells_nothing_is_refused() -> None:
+    loop = DriverLoop(V3)
+    loop.inject("silence")
+    with pytest.raises(DriveError, match="no board V3 tells its state"):
+        loop.drive.bring_up()
+
+
+class Uploading:
+    """A drive that says where it is by itself, and answers nothing in MIT mode."""
+
+    def __init__(self, loop: DriverLoop, number: int) -> None:
+        self._loop, self._number = loop, number
+
+    def receive(self, identifier: int, data: bytes, now: float) -> None: ...
+
+    def tick(self, now: float) -> None:
+        self._loop.put(EXTENDED | 0x2900 | self._number, bytes(8))
+
+
+def test_servo_mode_and_a_board_v3_are_refused_by_name() -> None:
+    loop = DriverLoop(DRIVE)
+    loop.inject("silence")
+    loop.attach(Uploading(loop, DRIVE.node_id))
+    with pytest.raises(DriveError, match="in servo mode, or is a board V3"):
+        loop.drive.bring_up()
 
 
 COMMANDS = st.builds(

@@ -23,7 +23,7 @@ from bowden.identify.cable.turns import find_turns
 from bowden.identify.cable.validation import folds, simplest_of_the_best
 from bowden.models.cable.bouc_wen import BoucWen, joint_angle
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
-from bowden.models.cable.generalised_play import Branches, design_of, with_curve
+from bowden.models.cable.generalised_play import Branches, design_of, half_gap, mean_branch, with_curve
 from bowden.models.cable.generalised_play import joint_angle as branched
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.plants.cables import branches_of
@@ -200,6 +200,24 @@ def test_the_final_model_holds_where_the_second_half_reaches_further() -> None:
     assert rmse(error) * DEGREES < 0.1
 
 
+@pytest.mark.parametrize("ratio", [1.1, 1.3])
+def test_a_loop_with_a_slope_of_its_own_either_way_is_two_lines(ratio: float) -> None:
+    """Eq. 4 with c₁ ≠ c₂: branches are found again to 1 %, along which the joint goes on beyond what was fitted."""
+    up, down = 0.9 * math.sqrt(ratio), 0.9 / math.sqrt(ratio)
+    time = np.arange(0.0, 20.0, 0.01)
+    motor = 0.4 * np.sin(0.8 * math.pi * time)
+    noise = 1e-3 * np.random.default_rng(4).standard_normal(len(time))
+    joint, held = np.empty_like(motor), 0.0
+    for k, angle in enumerate(motor):
+        joint[k] = held = min(max(held, up * angle - 0.12), down * angle + 0.12)
+    path = build_path(time, motor, joint + noise, find_turns(motor, 1e-9), 1500)
+    found = branches_of(GeneralisedPlay().fit(path).parameters)
+    ends = np.array([mean_branch(at, found) for at in (-0.45, 0.45)]) + found.offset
+    gaps = np.array([half_gap(at, found) for at in (-0.45, 0.45)])
+    assert np.diff(ends - gaps)[0] / 0.9 == pytest.approx(up, rel=0.01)
+    assert np.diff(ends + gaps)[0] / 0.9 == pytest.approx(down, rel=0.01)
+
+
 def test_the_design_is_the_model_beyond_the_last_node_too() -> None:
     nodes = np.arange(40)
     ends = (-0.3, 0.3)
@@ -235,7 +253,7 @@ def test_no_smoothing_lets_a_branch_go_against_the_motor(strengths: tuple[float,
     motor = 0.5 * np.sin(0.8 * math.pi * time)
     joint = -0.02 * motor + 0.05 * np.sin(20.0 * motor) + 0.01 * rng.standard_normal(len(time))
     path = build_path(time, motor, joint, find_turns(motor, 1e-9), 600)
-    near = GeneralisedPlay().fit(path)
+    near = GeneralisedPlay().rough(path)
     found = GeneralisedPlay().refit(path, replace(near, theta=np.array([near.theta[0], *strengths])))
     cable = branches_of(found.parameters)
     place = np.linspace(cable.low, cable.high, 40)

@@ -19,6 +19,7 @@ from scipy.io import savemat
 import bowden
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.identify.cable import checks
+from bowden.identify.cable.turns import least_swing, reversals
 from bowden.identify.log.angles import angle_units
 from bowden.identify.log.clock import even_clock
 from bowden.identify.log.columns import find_columns, split_name
@@ -563,6 +564,10 @@ def test_what_a_log_takes_to_read_grows_with_its_length_and_no_faster(write: Wri
     assert calls[2] < 1.2 * 10 * calls[1]
 
 
+def swapped(motor: Array, joint: Array) -> bool:
+    return checks.look_swapped(motor, joint, reversals(motor, least_swing(motor)))
+
+
 def test_a_log_whose_columns_are_swapped_is_suspected() -> None:
     """The far end of a cable lags, whichever way it is counted; one without play says nothing."""
     motor = np.sin(np.linspace(0.0, 40.0, 4000))
@@ -571,10 +576,10 @@ def test_a_log_whose_columns_are_swapped_is_suspected() -> None:
     for i, angle in enumerate(motor):
         last = late[i] = min(max(last, angle - 0.05), angle + 0.05)
     for slope in (0.9, -0.9):
-        assert not checks.look_swapped(motor, slope * late)
-        assert checks.look_swapped(slope * late, motor)
-    assert not checks.look_swapped(motor, 0.9 * motor)
-    assert not checks.look_swapped(motor[:100], motor[:100] ** 2)  # no loop is closed
+        assert not swapped(motor, slope * late)
+        assert swapped(slope * late, motor)
+    assert not swapped(motor, 0.9 * motor)
+    assert not swapped(motor[:100], motor[:100] ** 2)  # no loop is closed
 
 
 def test_no_trust_in_a_log_whose_columns_look_swapped() -> None:

@@ -50,6 +50,17 @@ def test_the_drawn_family_is_found_or_one_as_good(drawn: Any, number: int) -> No
     assert row[7] <= drawn.WORSE or row[4] == row[1], row
 
 
+def test_a_yes_to_one_amplitude_says_that_inner_loops_are_unseen_until_they_are_recorded() -> None:
+    swing = 20.0 * np.sin(2.0 * np.pi * 0.5 * TIME)
+    one = bowden.identify(TIME, swing, play(swing), unit="deg")
+    assert one.trust.level == "yes"
+    (said,) = (why for why in one.trust.reasons if "one amplitude" in why)
+    assert "record strokes of a half and a quarter" in said
+    several = swing * np.array([1.0, 0.5, 0.25, 1.0, 0.5])[(TIME // 4.0).astype(int)]
+    found = bowden.identify(TIME, several, play(several), unit="deg")
+    assert not any("one amplitude" in why for why in found.trust.reasons)
+
+
 @pytest.mark.long
 def test_a_longer_log_has_no_worse_model() -> None:
     """250 strokes of many are read, whose corners stay as sharp as a short log's."""

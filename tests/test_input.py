@@ -259,7 +259,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
             "emg": ("lsl:x",),
             "origin": NO_TEXT,
             "remarks": ("text", [3], (3,)),
-            "stands_for": ("abc",),
+            "original_hash": ("abc",),
             "servos": (3,),
         },
     ),
@@ -274,7 +274,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
         made(Rig.of_tree, {}, Path("rig.toml")),
         {"tree": (3, "x"), "origin": NO_PATH, "keep": (3, "x")},
     ),
-    "Rig.replace": (RIG.replace, {"delay": NO_WHOLE, "dely": (3,), "stands_for": ("x",)}),
+    "Rig.replace": (RIG.replace, {"delay": NO_WHOLE, "dely": (3,), "original_hash": ("x",)}),
     "Rig.only": (made(RIG.only), {"name": (3,)}),
     "Rig.with_law": (made(RIG.with_law), {"law": (3, "adaptiv", trace), "preset": (3,), "folder": NO_PATH}),
     "Rig.with_gain": (made(RIG.with_gain, "feedback_gain", 30.0), {"name": (3,), "value": NO_NUMBER}),
@@ -368,7 +368,7 @@ def test_a_rig_that_is_too_large_to_be_handed_on_is_refused_before_a_live_run(mo
 def test_a_rig_stands_for_none_but_its_own() -> None:
     rig = Rig()
     assert "servo" in inspect.signature(Rig).parameters
-    assert "stands_for" not in inspect.signature(Rig).parameters
+    assert "original_hash" not in inspect.signature(Rig).parameters
     assert rig.offline().hash == rig.hash
 
 

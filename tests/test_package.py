@@ -23,12 +23,13 @@ EXTRA_MODULES = {
     "rosbags": "rosbag",
     "h5py": "hdf5",
     "pylsl": "lsl",
+    "serial": "serial",
     "dask": "cluster",
     "distributed": "cluster",
     "foxglove": "foxglove",
 }
 """Module → the extra that brings it."""
-PACKAGE_OF = {"foxglove": "foxglove-sdk"}
+PACKAGE_OF = {"foxglove": "foxglove-sdk", "serial": "pyserial"}
 """Module → its package, where that has another name."""
 OWNERS = packages_distributions()
 PARTS = {

@@ -22,7 +22,7 @@ from bowden.live.ring import Description
 from bowden.live.session import Session
 from bowden.live.session_motor import SessionMotor
 from bowden.live.stops import run_stops, stops
-from bowden.live.together import PATIENCE, Together, mode_of_all, modes_of_all
+from bowden.live.together import PATIENCE, AxisCoordinator, mode_of_all, modes_of_all
 from bowden.rig.rig import Rig, RigMotor
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
@@ -274,7 +274,7 @@ def test_whatever_one_drive_does_all_are_told_off_and_let_go_of(
 
 
 def test_what_is_asked_for_is_asked_of_all_or_of_none() -> None:
-    pair = Together(2, independent=False)
+    pair = AxisCoordinator(2, independent=False)
     stopped, preflight, running, bridging, releasing, latched = map(float, Mode)
     assert pair.asked(ARM, [stopped, stopped], [0.0, 0.0]) == [ARM, ARM]
     assert pair.asked(ARM, [stopped, stopped], [0.0, 8.0]) == [NONE, NONE]
@@ -288,7 +288,7 @@ def test_what_is_asked_for_is_asked_of_all_or_of_none() -> None:
     for _ in range(PATIENCE):
         assert pair.asked(NONE, [running, preflight], [0.0, 0.0]) == [NONE, RUN]
     assert pair.asked(NONE, [running, preflight], [0.0, 0.0]) == [STOP, STOP]
-    alone = Together(2, independent=True)
+    alone = AxisCoordinator(2, independent=True)
     assert alone.asked(ARM, [stopped, latched], [0.0, 8.0]) == [ARM, ARM]
     assert alone.shown([1 << Fault.SLACK, 0]) == [0, 0]
     assert alone.outcomes([1.0, -1.0]) == [1.0, -1.0]
@@ -297,7 +297,7 @@ def test_what_is_asked_for_is_asked_of_all_or_of_none() -> None:
 
 
 def test_the_others_are_shown_the_worst_of_an_motor_own_faults() -> None:
-    three = Together(3, independent=False)
+    three = AxisCoordinator(3, independent=False)
     slack, fault, follows = 1 << Fault.SLACK, 1 << Fault.DRIVE_FAULT, 1 << Fault.OTHER_OFF
     assert three.shown([0, 0, 0]) == [0.0, 0.0, 0.0]
     assert three.shown([slack, 0, 0]) == [0.0, 2.0, 2.0]

@@ -15,7 +15,6 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import flat
 from bowden.core.units import DEGREES, RADIANS
-from bowden.identify.suit_friction import spool_friction
 from bowden.models.cable.sheath import Sheath, slope_factor
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.geared_motor import SpoolState, drive_motor, turn_spool
@@ -154,6 +153,16 @@ def test_a_frictionless_undamped_suit_keeps_its_energy() -> None:
     moving = 0.5 * arm.inertia * state.joint_velocity**2 + 0.5 * motor.inertia * state.spool.velocity**2
     assert moving > 0.05
     assert energy(suit, state) == pytest.approx(first, abs=0.05 * moving)
+
+
+def spool_friction(trace: Trace, after: float) -> float:
+    """Half of what the torques going up and down differ by at one angle of the spool, the median over angles [N·m]."""
+    torque, speed = trace["current"] * float(trace.settings["torque_constant"]), trace["motor_velocity"]
+    angle, counts = trace["spool"], trace.time >= after
+    low, high = np.quantile(angle[counts], (0.1, 0.9))
+    place = np.floor(20 * (angle - low) / (high - low))
+    ways = [[torque[counts & (place == k) & (way * speed > 0.02)].mean() for k in range(20)] for way in (1.0, -1.0)]
+    return float(np.median(0.5 * np.subtract(*ways)))
 
 
 def test_the_friction_that_a_run_shows_is_that_of_drive_gears_and_sheaths() -> None:

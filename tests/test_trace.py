@@ -93,7 +93,7 @@ def test_what_is_no_trace_is_refused_in_one_line(content: bytes, tmp_path: Path)
 def test_a_file_that_is_not_there_or_a_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="no such file"):
         Trace.read(tmp_path / "nothing")
-    with pytest.raises(LogError, match="directory"):
+    with pytest.raises(LogError, match="is a folder"):
         Trace.read(tmp_path)
 
 

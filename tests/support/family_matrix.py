@@ -18,6 +18,8 @@ from bowden.core.units import RADIANS
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.families.ak_mit import AkParameters
 from bowden.hardware.drives.families.cia402 import DriveParameters
+from bowden.hardware.drives.families.dynamixel import DynamixelParameters
+from bowden.hardware.drives.families.feetech import FeetechParameters
 from bowden.hardware.drives.families.moteus import MoteusParameters
 from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.of_rig import open_drive
@@ -29,6 +31,7 @@ from bowden.hardware.twin.moteus_node import MoteusNode
 from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.hardware.twin.plant import OFF
 from bowden.hardware.twin.sensor_node import LoadCellNode
+from bowden.hardware.twin.servo_node import FeetechNode, ServoNode
 from bowden.live.preflight import Preflight, Reason
 from bowden.live.script import Script
 from bowden.rig.load_cell import LoadCellParameters
@@ -43,14 +46,26 @@ from support.memory_bus import MemoryBus
 FAMILIES: Mapping[str, tuple[Callable[[], Rig], Any]] = {
     "cia402": (Rig, CanopenNode),
     "ak_mit": (lambda: _geared(Rig(drive=AkParameters())), AkNode),
+    "ak_mit V3": (lambda: _geared(Rig(drive=AkParameters(board="v3"))), AkNode),
     "moteus": (lambda: Rig(drive=MoteusParameters()), MoteusNode),
     "odrive": (lambda: Rig(drive=OdriveParameters()), OdriveNode),
+    "dynamixel": (lambda: _on_a_line(DynamixelParameters(motor_home=-math.pi / 2.0)), ServoNode),
+    "feetech": (lambda: _on_a_line(FeetechParameters(motor_home=-math.pi / 2.0)), FeetechNode),
 }
 """Family → a rig with it, and what plays it."""
 
 
 def _geared(rig: Rig) -> Rig:
-    return rig.replace(motor=rig.motor._replace(gear=9.0, torque_constant=0.091))
+    cycle = 2e-3 if rig.drive.board == "v3" else 1e-3
+    return rig.replace(sample_time=cycle, motor=rig.motor._replace(gear=9.0, torque_constant=0.091))
+
+
+def _on_a_line(drive: Any) -> Rig:
+    """A rig with a serial servo, whose gear makes its rotor heavy, and whose cycle is as long as any other's here."""
+    rig = Rig().replace(
+        sample_time=2e-3, delay=1, motor=Rig().motor._replace(gear=1.0, torque_constant=1.0, inertia=1e-3)
+    )
+    return rig.replace(drive=drive)
 
 
 class DriveRow(NamedTuple):
@@ -115,12 +130,17 @@ class Found(NamedTuple):
     """Time with torque after the run's end, when nobody speaks to the drive any more; infinite for all of it [ms]."""
 
 
+EXCEPT = {("dynamixel", "deaf"), ("feetech", "deaf"), ("ak_mit V3", "mode_left")}
+"""Family and fault with which a motor keeps its torque, as its drive's watchdog holds, or as it has none: for a bare
+bench alone. And a fault of a board that is in no mode: its next command gives torque again."""
+
+
 def cases() -> Iterator[tuple[str, DriveRow]]:
     """Each family with each fault that its drive can have."""
     for name, (_, node) in FAMILIES.items():
         for row in ROWS:
             kind = row.text.split()[0]
-            if {kind, f"{kind} motor"} & getattr(node, "lacks", {}).keys():
+            if {kind, f"{kind} motor"} & getattr(node, "lacks", {}).keys() or (name, kind) in EXCEPT:
                 continue
             yield name, row
 

@@ -24,6 +24,7 @@ import numpy as np
 
 from bowden.control.law_file import LawFile
 from bowden.core.errors import BowdenError, DriveError
+from bowden.hardware.buses.packets import PROTOCOLS, PacketReader
 from bowden.hardware.drives import canopen_dialogue, canopen_frames, emergencies
 from bowden.hardware.emg import lsl_info, trigno_protocol
 from bowden.identify.emg.log import read_emg, read_labels
@@ -340,6 +341,23 @@ def _frames() -> list[bytes]:
     return [question + long + kept_, struct.pack("<BHBI", 0x80, 0x1000, 0, 0x06020000) * 4, bytes(range(256))]
 
 
+def _packets() -> list[bytes]:
+    """Of a host and of servos, one after another."""
+    said = [(1, b"\x01"), (1, b"\x55\x00\xff\xff\xfd\x00"), (254, b"\x83\x74\x00\x04\x00\x01\x00\x08\x00\x00")]
+    return [b"".join(packets.pack(*frame) for frame in said) for packets in PROTOCOLS.values()]
+
+
+def _of_line(data: bytes) -> None:
+    """Whatever comes, a whole packet after it is read, at the latest once the line has been quiet."""
+    for packets in PROTOCOLS.values():
+        for replies in (False, True):
+            reader = PacketReader(packets, replies=replies)
+            for at in range(0, len(data), 7):
+                reader.feed(data[at : at + 7], 10)
+            reader.forget()
+            assert reader.feed(packets.pack(3, b"\x55\x00\x01"))[-1] == (3, b"\x55\x00\x01") or not replies
+
+
 def _trigno(data: bytes) -> None:
     lines, samples = trigno_protocol.Lines(), trigno_protocol.Samples()
     half = len(data) // 2
@@ -397,6 +415,7 @@ TARGETS: dict[str, Target] = {
     "mcap": Target(_mcap, _file(_of_mcap, "log.mcap"), 0.04),
     "frames": Target(_frames, _wild, 0.2),
     "sdo": Target(_frames, _sdo, 0.1),
+    "packets": Target(_packets, _of_line, 0.1),
     "trigno": Target(lambda: _TRIGNO, _trigno, 0.15),
     "lsl": Target(lambda: [_XML], _lsl, 0.05),
 }

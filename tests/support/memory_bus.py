@@ -21,7 +21,7 @@ from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.moteus_node import MoteusNode
 from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.hardware.twin.plant import OFF, TwinPlant
-from bowden.hardware.twin.servo_node import ServoNode
+from bowden.hardware.twin.servo_node import FeetechNode, ServoNode
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.presets.bench import bench
@@ -141,6 +141,7 @@ NODES: dict[str, Any] = {
     "moteus": MoteusNode,
     "odrive": OdriveNode,
     "dynamixel": ServoNode,
+    "feetech": FeetechNode,
 }
 """Family → its twin."""
 

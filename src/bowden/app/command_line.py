@@ -81,12 +81,12 @@ def command(operation: Operation) -> Callable[..., None]:
 
 
 def _of_the_rim(one: OperationParameter, name: str) -> bool:
-    """Whether a parameter is handed over by the command itself, and is no option."""
+    """True if a parameter is handed over by the command itself, and is no option."""
     return isinstance(one.kind, Role) or name in ("found", "call")
 
 
 def _trusts(given: dict[str, Any]) -> bool:
-    """Whether the user has said that a program in a log may run."""
+    """True if the user has said that a program in a log may run."""
     return bool(given.get("trust_law"))
 
 

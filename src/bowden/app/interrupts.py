@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Any
 
 AGAIN = 0.05
-"""How long after it was lost an interruption is sent again [s]: mostly the callback has returned by then."""
+"""Time after which a lost interruption is sent again [s]: mostly the callback has returned by then."""
 
 
 _LLVM = ("llvmlite", "numba/core/codegen.py")
@@ -100,7 +100,7 @@ class _Again(threading.Thread):
                 _interrupt()
 
     def pending(self) -> bool:
-        """Whether it still has to be raised."""
+        """True if it still has to be raised."""
         return not self._over.is_set()
 
     def end(self) -> None:

@@ -53,7 +53,7 @@ def _end_with_the_console() -> None:
 
 
 def check(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
-    """What the page says of a rig's law; of one with several motors of each, and the worst of them of all."""
+    """Verdict on a rig's law for the page; of one with several motors of each, and the worst of them of all."""
     from bowden.design.linearise import NoNumberError
     from bowden.rig.rig import Rig
 
@@ -111,7 +111,7 @@ def _checked(progress: Progress, rig: Any, motor: str | None) -> dict[str, Any]:
 
 
 def verdict(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
-    """What a check says of one motor's law, without the search for what would hold: a run waits for it."""
+    """Verdict of a check on one motor's law, without the search for what would hold: a run waits for it."""
     from bowden.design.check_rig import check_rig
     from bowden.rig.rig import Rig
 

@@ -52,13 +52,13 @@ _HEADERS = {
 
 
 class Bucket:
-    """How often something may happen: `rate` times a second, and `burst` times at once."""
+    """Token bucket: `rate` events a second, and `burst` events at once."""
 
     def __init__(self, rate: float, burst: float) -> None:
         self._rate, self._burst, self._left, self._at = rate, burst, burst, 0.0
 
     def take(self, now: float) -> bool:
-        """Whether it may happen at `now` [s]; if so, it counts."""
+        """True if an event is allowed at `now` [s]; it then counts."""
         self._left = min(self._burst, self._left + self._rate * max(0.0, now - self._at))
         self._at = now
         if self._left < 1.0:
@@ -191,7 +191,7 @@ class Guard:
         return ""
 
     def _known(self, host: str) -> bool:
-        """Whether a `Host` names this console: a foreign name that leads here is a page that plays with DNS."""
+        """True if a `Host` names this console: a foreign name that leads here is a page that plays with DNS."""
         name, colon, port = host.rpartition(":")
         if not colon or host.endswith("]"):
             name, port = host, "443" if self._secure else "80"

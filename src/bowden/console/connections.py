@@ -16,7 +16,7 @@ class Connection(H11Protocol):
     begun = -1.0
     """When it was made, until its first request is whole [s]."""
     _under_way = False
-    """Whether a part of a request has come."""
+    """True if a part of a request has come."""
     _deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]

@@ -11,18 +11,18 @@ from bowden.core.clock import SECOND
 
 
 class LeaseView(NamedTuple):
-    """How the lease stands, as it was at one moment."""
+    """State of the lease at one moment."""
 
     holder: str
     """Name of the tab that controls; empty where none does."""
     since: int
-    """When it took the lease [ns]."""
+    """Time at which it took the lease [ns]."""
     fresh: bool
-    """Whether its last sign of life is young enough."""
+    """True if its last sign of life is young enough."""
 
 
 class Lease:
-    """Who controls. The thread of the connections gives signs of life, the one that holds the run looks at them.
+    """Lease of the control: the connections' thread gives signs of life, the thread that holds the run checks them.
 
     Args:
         limit: age of a sign of life that is still good [s].

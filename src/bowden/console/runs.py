@@ -58,7 +58,7 @@ Begin = Callable[[Callable[[str], None]], AbstractContextManager["Session"]]
 
 @dataclass(frozen=True)
 class RunSeen:
-    """What there is to see of the run; a new one each round."""
+    """Snapshot of the run; a new one each round."""
 
     phase: str = "idle"
     """``idle``, ``starting``, ``live`` or ``ending``."""
@@ -67,7 +67,7 @@ class RunSeen:
     row: dict[str, float] | None = None
     """The newest row."""
     came: dict[Fault, float] = field(default_factory=dict)
-    """When the faults that are there came [s]."""
+    """Onset of each present fault [s]."""
     recorder: int = 0
     """A `RecorderState`."""
     logs: tuple[str, ...] = ()
@@ -86,7 +86,7 @@ class RunSeen:
 
     @property
     def power(self) -> bool:
-        """Whether the motor has power, or may have."""
+        """True if the motor has power, or may have."""
         return self.mode not in (None, Mode.STOPPED, Mode.LATCHED)
 
 
@@ -115,7 +115,7 @@ class RunOwner:
     def __init__(self, lease: Lease, stamps: Stamps, ended: Callable[["Session"], None] = lambda session: None) -> None:
         self.lease, self.stamps, self.clock = lease, stamps, MonotonicClock()
         self.seen = RunSeen()
-        """What there is to see."""
+        """Snapshot of the run."""
         self.looked = self.clock.now()
         """When the thread looked at the run last [ns]."""
         self._ended = ended
@@ -358,7 +358,7 @@ class TerminalRun:
 
     @property
     def seen(self) -> RunSeen:
-        """What there is to see."""
+        """Snapshot of the run."""
         session = self._session
         row = self._rows.last()
         newest = None if row is None else session.row_of(row)

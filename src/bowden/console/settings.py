@@ -78,12 +78,12 @@ class RunSettings:
 
     @property
     def owns_law(self) -> bool:
-        """Whether the law is the rig's own."""
+        """True if the law is the rig's own."""
         return self.law in ("", self.base.law_name)
 
     @property
     def chooses(self) -> bool:
-        """Whether the rig itself says a preset or gains."""
+        """True if the rig itself says a preset or gains."""
         return bool(self.base.preset or self.base.gains)
 
     def changed(self, given: Mapping[str, Any]) -> "RunSettings":
@@ -296,7 +296,7 @@ def _section(given: Any, *, recorded: bool) -> dict[str, Any]:
 
 
 def _plain(value: Any, deep: int) -> bool:
-    """Whether a value is made of numbers, of lists of them, and of names under `kind` alone."""
+    """True if a value is made of numbers, of lists of them, and of names under `kind` alone."""
     if isinstance(value, Mapping):
         return deep > 0 and all(
             isinstance(name, str) and (isinstance(one, str) if name == "kind" else _plain(one, deep - 1))

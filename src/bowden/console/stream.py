@@ -237,7 +237,7 @@ class _Store:
 
 
 class View(NamedTuple):
-    """What a viewer wants to see."""
+    """Request of a viewer."""
 
     columns: tuple[int, ...]
     """Numbers of the curves."""
@@ -246,13 +246,13 @@ class View(NamedTuple):
     pixels: int
     """In the whole window."""
     coarse: bool
-    """Whether it is cut out of the store of extremes."""
+    """True if it is cut out of the store of extremes."""
     loop: bool = False
-    """Whether joint over motor is wanted as well."""
+    """True if joint over motor is wanted as well."""
 
 
 class Cursor:
-    """How far a viewer has been served."""
+    """Position up to which a viewer has been served."""
 
     def __init__(self, view: View, number: int) -> None:
         self.view, self.number = view, number
@@ -303,7 +303,7 @@ class Watch:
         """When the run was begun, and when its law or motion began, since the first row [s]."""
         self.led_until = math.nan
         self.preflight_moves = False
-        """Whether the preflight moves the motor, or has."""
+        """True if the preflight moves the motor, or has."""
         self._held = math.nan
         self._last_mode = float(Mode.STOPPED)
         self._made: dict[tuple[Any, ...], Values] = {}

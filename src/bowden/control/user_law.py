@@ -26,7 +26,7 @@ from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import FromRig, Law
 from bowden.control.law_parts import LAG
 from bowden.core import user_file
-from bowden.core.errors import ParameterError, article, asked_for_by
+from bowden.core.errors import ParameterError, article, error_context
 from bowden.core.nested import leaves, name_of
 from bowden.core.signals import Reference, Sample
 from bowden.core.user_file import UserFile
@@ -120,7 +120,7 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
     by_name: dict[str, FromRig] = {
         name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())
     }
-    with asked_for_by(str(path)):
+    with error_context(str(path)):
         return Law(
             path.stem,
             gains,
@@ -151,7 +151,7 @@ def check_law(law: Law, path: Path | None = None) -> None:
     _check_numbers(law.gains, "gains", str(path), whole=True)
     where = user_file.line(law.step_kernel, path)
     try:
-        with asked_for_by(str(path)):
+        with error_context(str(path)):
             tried = [informed(law, known).gains for known in (Knowledge(), _EXAMPLE)]
     except ParameterError:
         raise

@@ -90,7 +90,7 @@ def near(name: str, known: Iterable[str]) -> str:
 
 
 @contextlib.contextmanager
-def asked_for_by(key: str) -> Iterator[None]:
+def error_context(key: str) -> Iterator[None]:
     """Say which file, and which of its keys, led to a failure."""
     try:
         yield

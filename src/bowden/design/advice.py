@@ -143,7 +143,7 @@ def _has_margins(bench: Plant, linear: LinearPlant, law: Law, estimates: list[di
     for values in estimates:
         model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or 1e-6, estimates=values)
         for found in linear.margins(model):
-            gain, phase = found.gain_margin_db, found.phase_margin_deg
-            if not (found.stable and (gain or ENOUGH_DB) >= ENOUGH_DB and (phase or ENOUGH_DEG) >= ENOUGH_DEG):
+            both = (found.gain_margin_db, ENOUGH_DB), (found.phase_margin_deg, ENOUGH_DEG)
+            if not found.stable or any(value is not None and value < enough for value, enough in both):
                 return False
     return True

@@ -281,7 +281,7 @@ def _proven(bound: float | None) -> str:
     if bound is None:
         return ""
     if bound > _WIDEST:
-        return "none of use: the paper's Lyapunov bound is wider here than any joint moves"
+        return "no help here: the error that the paper's Lyapunov proof allows is larger than any joint's motion"
     return f"{bound * DEGREES:.3g}° (the paper's Lyapunov bound)"
 
 

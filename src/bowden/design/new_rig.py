@@ -13,6 +13,7 @@ from bowden.design.rig_of_suit import suit_text
 from bowden.drawing import shown
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.trust import Trust
+from bowden.rig.counts import guessed
 from bowden.rig.rig import Rig
 
 
@@ -47,7 +48,8 @@ class NewRig:
             return tuple(said)
         if not self.rig.cable.counting.as_recorded:  # type: ignore[union-attr]
             said.append("Angles of the rig differ from those of the log: see direction and zeros in [cable]")
-        return (*said, f"Taut: {self._taut()}")
+        counts = guessed(self.rig)
+        return (*said, f"Taut: {self._taut()}", *([f"Encoders: {counts}"] if counts else []))
 
     def _chosen(self) -> list[tuple[str, str]]:
         """What was taken for the rig, each with its label."""

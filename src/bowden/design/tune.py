@@ -38,7 +38,7 @@ from bowden.design.tune_judge import (
     shortfall,
     shortfall_on_the_way,
 )
-from bowden.design.tune_result import Tuning
+from bowden.design.tune_result import REACH, Tuning
 from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_of
 from bowden.plants.knowledge_of import knowledge_of, with_loop
@@ -57,10 +57,8 @@ _DRAWS, _SIMULATED, _MEMBERS = 400, 80, 24
 _FULL = 8
 """Generations, and gains, from which on the first draws are as many as that; for fewer, they are fewer too."""
 _FEWEST_MEMBERS = 8
-_REACH = (-8.0, 8.0)
-"""How far a gain may go, as the logarithm of its share of where it began."""
 _SPREADS = (0.5, 1.5, 3.0, 6.0)
-"""Of the first draws, likewise."""
+"""Of the first draws, as the logarithm of a gain's share of where it began."""
 _MOST_ESTIMATES = 5
 _CHECKED_EVERY = 8
 """Generations."""
@@ -204,7 +202,7 @@ class _Search:
         usual = informed(replace(self.law, overridden_gains=frozenset()), self.known).numbers
         shares = np.array([usual[name] / self.law.numbers[name] for name in self.names])
         known = np.log(np.where(shares > 0.0, shares, 1.0))  # a gain that would be off stays as it stands
-        return [np.zeros(len(self.names)), np.clip(known, *_REACH)]
+        return [np.zeros(len(self.names)), np.clip(known, -REACH, REACH)]
 
     def evolve(self, generations: int, report: Report) -> None:
         """Some of that many generations, and a check of what leads then."""
@@ -220,7 +218,7 @@ class _Search:
 
         differential_evolution(
             self._costs,  # type: ignore[arg-type]  # of one point, as SciPy's types have it
-            Bounds(*np.outer(_REACH, np.ones(len(self.names)))),
+            Bounds(*np.outer((-REACH, REACH), np.ones(len(self.names)))),
             strategy="currenttobest1bin",
             init=self.points,
             maxiter=min(_CHECKED_EVERY, generations - self.steps),

@@ -1,7 +1,7 @@
 """What a tuning found, and how it is said and drawn."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,10 @@ from bowden.rig import rig as rigs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+REACH = 8.0
+"""How far a gain may go in one search, up or down, as the logarithm of its share of where it began."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,6 +87,29 @@ class Tuning:
         """The smallest with the new gains [s]; None where none has a limit."""
         return self.found.delay_margin_s
 
+    @property
+    def at_bounds(self) -> tuple[str, ...]:
+        """Which gains the search would have taken further, and why it did not, in sentences; empty if none."""
+        return tuple(self._bounds())
+
+    def _bounds(self) -> Iterator[str]:
+        for name in self.law.choices:
+            value, begun = self.law.numbers[name], self.stood[name]
+            low, high = self.law.limits.get(name, (-math.inf, math.inf))
+            if value == 0.0 or (low, high) == (0.0, 1.0):  # off, or a switch: not searched
+                continue
+            if value in (low, high):
+                end, beyond = ("smallest", "less") if value == low else ("largest", "more")
+                yield (
+                    f"{name} = {value:g} is the {end} value that the law takes: {beyond} of it might follow better, "
+                    "and no longer search will find that"
+                )
+            elif begun not in (0.0, value) and abs(math.log(value / begun)) > _NEAR * REACH:
+                yield (
+                    f"{name} = {value:g} is as far from {begun:g} as one search goes: tune once more, to go on from "
+                    "there"
+                )
+
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
         """Draw by how much each gain changed and, on second axes, the largest error before and after.
 
@@ -109,6 +136,10 @@ class Tuning:
         return shown.fragment(f"Tuning of {self.law.name}", tuning_rows(self), figure)
 
 
+_NEAR = 0.95
+"""Share of its reach from which on a search may have been held back: it draws anew what would go beyond [–]."""
+
+
 def tuning_rows(tuning: Tuning) -> list[tuple[str, str]]:
     """What a tuning found, a line for each thing."""
     stood = tuning.stood
@@ -123,6 +154,7 @@ def tuning_rows(tuning: Tuning) -> list[tuple[str, str]]:
         ("worst RMSE", f"{number(tuning.worst_rmse * DEGREES, '°')} over {tuning.runs} (was {before})"),
         *(("other plants", text) for text in ([] if tuning.study is None else [study_text(tuning.study, "after")])),
         *([("short of", tuning.short)] if tuning.short else []),
+        *(("at a bound", text) for text in tuning.at_bounds),
         ("search", f"{tuning.generations} generations"),
     ]
 

@@ -7,11 +7,11 @@ from bowden.control.conditioning import Conditioned, Conditioning, condition_sta
 from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
-from bowden.export import counts
 from bowden.export.kinds import identifier
 from bowden.export.module import Constant, Module, Public
 from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_from
 from bowden.models.suit.suit_angle import SpoolMap, motor_of, spool_of
+from bowden.rig import counts
 
 
 class LawState(NamedTuple):

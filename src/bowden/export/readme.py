@@ -6,13 +6,13 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.core.nested import leaves, name_of
-from bowden.export.counts import Counts
 from bowden.export.files import rendered
 from bowden.export.kinds import reached
 from bowden.export.law import state_of
 from bowden.export.module import Module
 from bowden.models.minimum_jerk import PEAK_SPEED
 from bowden.models.suit.suit_angle import SpoolMap
+from bowden.rig.counts import Counts
 from bowden.rig.emg_run import course_of
 from bowden.rig.rig import Rig
 

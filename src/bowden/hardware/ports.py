@@ -12,7 +12,7 @@ from bowden.core.signals import Power as Power  # what a drive is written
 
 
 class TorqueLeft(IntEnum):
-    """What is known of a drive's torque when its host has gone."""
+    """State of a drive's torque after its host has gone."""
 
     OFF = 0
     """The drive has said that it has none."""
@@ -88,7 +88,7 @@ class BrakedDrive(Drive, Protocol):
 
     @property
     def brake_confirmed(self) -> bool:
-        """Whether the drive has said that this output is as it was told."""
+        """True if the drive has said that this output is as it was told."""
         ...
 
     def set_brake(self, engaged: bool) -> None:
@@ -97,12 +97,12 @@ class BrakedDrive(Drive, Protocol):
 
 
 class EmgChunk(NamedTuple):
-    """What a stream has brought since the last look."""
+    """Samples of a stream since the last read."""
 
     values: NDArray[np.float64]
     """In the stream's unit, NaN where a sample is missing (n, channels)."""
     times: NDArray[np.float64]
-    """When each sample was taken, on this computer's monotonic clock; increasing (n,) [s]."""
+    """Time of each sample, on this computer's monotonic clock; increasing (n,) [s]."""
 
 
 def one_chunk(chunks: Sequence[EmgChunk], channels: int) -> EmgChunk:

@@ -18,7 +18,7 @@ _CAP_SYS_NICE, _CAP_IPC_LOCK = 23, 14
 
 @dataclass(frozen=True)
 class Settings:
-    """What to ask for."""
+    """Requested privileges."""
 
     priority: int = 80
     """SCHED_FIFO's, 1 to 99; 0 to stay with the ordinary scheduler."""
@@ -37,7 +37,7 @@ class Grant(Documented):
     name: str
     granted: bool
     said: str
-    """What holds now, or why it was refused."""
+    """Privilege in force, or the reason for which it was refused."""
     remedy: str = ""
     """What to change; empty where it was granted."""
 

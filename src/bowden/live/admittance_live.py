@@ -18,7 +18,7 @@ MARGIN = ROOM
 the joint further than the motor, and a law that feeds the joint back may be led as far beyond that range [rad]."""
 
 REVERSAL = 1.5
-"""How much further than friction holds it the motor is behind where a motion turns: 24° to 28° in simulation [–]."""
+"""Extra lag of the motor where a motion turns, beside that by friction: 24° to 28° in simulation [–]."""
 
 
 PAPERS = 2.79

@@ -19,16 +19,16 @@ _LATE_PATIENCE = 30.0
 
 
 class Watched(Protocol):
-    """What is to be known of a session here."""
+    """A session, as far as `automatic` uses it."""
 
     ready: dict[str, Any]
     block: ControlBlock
     began_latched: bool
-    """Whether a run before it was latched by what has not been acknowledged."""
+    """True if the previous run left an unacknowledged fault."""
 
     @property
     def on_twin(self) -> bool:
-        """Whether the drive is a twin of the command's own."""
+        """True if the drive is a twin of the command's own."""
 
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns."""

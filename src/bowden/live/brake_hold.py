@@ -72,7 +72,7 @@ class BrakeHold:
         return self._state.sent, Power.READY if self._state.phase == HELD else power
 
     def shown(self, reading: DriveReading) -> DriveReading:
-        """What the supervisor is shown of a reading."""
+        """The reading as the supervisor gets it."""
         if not self._begun or self._state.phase in (FREE, ENGAGING) or reading.drive_state != DriveState.SWITCHED_ON:
             return reading
         self._shown = (self._shown + 1) % 3
@@ -81,5 +81,5 @@ class BrakeHold:
         )
 
     def row(self) -> tuple[float, float]:
-        """What is recorded of this cycle: `COLUMNS`."""
+        """The values of `COLUMNS` in this cycle."""
         return self._state.phase, self._state.sent

@@ -42,7 +42,7 @@ _TURNED = "(where the sign is wrong) slack_sign of [limits] or "
 
 
 def contradictions(moved: float, joint: float, motor: float, limits: Limits) -> list[str]:
-    """What both encoders say against the angle by which the joint was turned, in sentences; empty if they agree.
+    """Contradictions of both encoders to the angle by which the joint was turned, in sentences; empty if they agree.
 
     Args:
         moved: how far the cable has pulled the joint, as whoever turned it has read it [rad].
@@ -151,7 +151,7 @@ def confirm(rig: Rig, moved: float, joint: float, motor: float, serial: str = ""
 
 
 def confirmed(rig: Rig) -> bool:
-    """Whether somebody has confirmed an angle on this rig's drive, or nobody need: there is a twin."""
+    """True if somebody has confirmed an angle on this rig's drive, or nobody need: there is a twin."""
     if family_of(rig.drive).simulated(rig.drive):
         return True
     try:

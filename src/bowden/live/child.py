@@ -53,7 +53,7 @@ def listen(process: Process, take: Callable[[dict[str, Any] | None], object]) ->
 
 
 def complaint(process: Process) -> str:
-    """What a process that has ended said of why."""
+    """The reason that a process gave before it ended."""
     assert process.stderr is not None
     return process.stderr.read().strip().removeprefix("bowden: ")
 

@@ -63,7 +63,7 @@ class ControlBlock:
 
     @property
     def stop_waits(self) -> bool:
-        """Whether the loop has not taken the last stop yet."""
+        """True if the loop has not taken the last stop yet."""
         return self._words[_STOP_TAKEN] != self._words[_STOP]
 
     def quit(self) -> None:
@@ -96,7 +96,7 @@ class ControlBlock:
 
     @property
     def gain_waits(self) -> bool:
-        """Whether another value of a gain is wanted that has not been taken."""
+        """True if another value of a gain is wanted that has not been taken."""
         return self._words[_GAIN_NUMBER] != self._gain_taken
 
     def take_gain(self) -> tuple[int, float]:
@@ -106,5 +106,5 @@ class ControlBlock:
 
     @property
     def quitting(self) -> bool:
-        """Whether the run is to end."""
+        """True if the run is to end."""
         return self._words[_QUIT] != 0

@@ -33,7 +33,7 @@ _WITH_TORQUE = frozenset({DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_AC
 
 @dataclass
 class DriveLook:
-    """What has been seen of a drive."""
+    """Readings of a drive that was watched."""
 
     cycles: int = 0
     last: DriveReading | None = None
@@ -77,7 +77,7 @@ class DriveLook:
         return {name: age for name, age in ages.items() if age > SILENT}
 
     def said(self, explain: Callable[[int], str]) -> list[str]:
-        """What the drive sent by itself, in words."""
+        """Emergencies that the drive sent, in words."""
         return ["emergency stop" if code == EMERGENCY_STOP else explain(int(code)) for code in self.emergencies]
 
 

@@ -11,7 +11,7 @@ from bowden.safety.state import Mode
 
 
 class EndedMotor(NamedTuple):
-    """How one motor ended."""
+    """State of one motor at the end of a run."""
 
     mode: Mode
     """The supervisor's last."""
@@ -19,17 +19,17 @@ class EndedMotor(NamedTuple):
     """The supervisor's last bit set."""
     torque: TorqueLeft
     reason: Reason
-    """Why its preflight failed."""
+    """Reason for which its preflight failed."""
 
 
 class Ended(NamedTuple):
-    """How the loop ended."""
+    """State of the loop at its end."""
 
     cycles: int
     overruns: int
     """Deadlines that were skipped."""
     stalled: float
-    """How long this computer did not let the loop run, where that ended the run; 0 where it did not [s]."""
+    """Time for which this computer stalled the loop, where that ended the run; else 0 [s]."""
     unattended: float
     """Age of the operator's last sign of life, where nobody asked for the end and this alone brought it before the
     reference had come to its own; 0 elsewhere [s]."""

@@ -22,7 +22,7 @@ class Lateness(Documented):
 
 @dataclass(frozen=True)
 class Damage(Documented):
-    """What of a log could not be read."""
+    """Parts of a log that could not be read."""
 
     chunks: int
     """Chunks whose checksum is wrong; their rows are left out."""
@@ -34,12 +34,12 @@ class Damage(Documented):
 
 @dataclass(frozen=True)
 class Replay(Documented):
-    """How a replay compares with its record."""
+    """Comparison of a replay with its record."""
 
     cycles: int
     """Cycles that were compared: all but the first after each beginning, whose state is taken from the record."""
     beginnings: int
-    """How often the state was taken from the record: at its begin and after each gap."""
+    """Number of times that the state was taken from the record: at its begin and after each gap."""
     law_cycles: int
     """Cycles of those in which the law had the motor."""
     requested_target_largest: float | None
@@ -60,14 +60,14 @@ class Replay(Documented):
 
     @property
     def deviates(self) -> bool:
-        """Whether a requested target, a verdict, a target or a torque offset is another one than was recorded."""
+        """True if a requested target, a verdict, a target or a torque offset is another one than was recorded."""
         requested = self.first_difference is not None
         return requested or bool(self.verdicts_differing or self.command_largest or self.torque_largest)
 
 
 @dataclass(frozen=True)
 class Recovery(Documented):
-    """What was saved of a log, and what is known to be lost."""
+    """Rows of a log that were saved, and those that are known to be lost."""
 
     rows: int
     """Cycles in the new log."""
@@ -83,24 +83,24 @@ class Recovery(Documented):
 
 @dataclass(frozen=True)
 class Machine(Documented):
-    """What a machine can do for the live loop."""
+    """Properties of a machine that matter to the live loop."""
 
     release: str
     """The kernel's."""
     preemption: str
     """``PREEMPT_RT``, ``PREEMPT_DYNAMIC``, … or ``none``, as the kernel's version says."""
     real_time: bool
-    """Whether the kernel is a PREEMPT_RT one."""
+    """True if the kernel is a PREEMPT_RT one."""
     clock_source: str
     """The clock of the kernel; ``tsc`` is the quick one on a PC."""
     processors: tuple[int, ...]
-    """That this process may run on."""
+    """Processors on which this process may run."""
     isolated: tuple[int, ...]
     """Processors that the kernel keeps free of other work."""
     can: dict[str, str]
     """CAN interface -> its state."""
     can_known: bool
-    """Whether the kernel has CAN sockets at all."""
+    """True if the kernel has CAN sockets at all."""
 
 
 @dataclass(frozen=True)
@@ -112,11 +112,11 @@ class RunStop(Documented):
     causes: tuple[str, ...]
     """The faults that came first."""
     remedies: tuple[str, ...]
-    """What to do about each."""
+    """Remedy of each."""
     consequences: tuple[str, ...]
     """The faults that came after them or follow from them, in their order."""
     too_busy: str | None
-    """That this computer was too busy, or its twin silent, with the figure and what to set; null where neither was."""
+    """Message that this computer was too busy, or its twin silent, with figure and limit; null where neither was."""
     motor: str | None = None
     """Motor that the stop came from, in a run with several, whose causes these are; null where it came to
     all at once."""
@@ -138,18 +138,18 @@ class GainChange(Documented):
     name: str
     """Name of the gain."""
     time_s: float | None
-    """When the loop took the change [s]."""
+    """Time at which the loop took the change [s]."""
     before: float
     """Value in force before, in the law's own unit."""
     to: float
     """Value that was asked for."""
     in_force_s: float | None
-    """When the law first ran with it, 0.5 s later [s]; null where the log ends before."""
+    """Time at which the law first ran with the new value, 0.5 s later [s]; null where the log ends before."""
 
 
 @dataclass(frozen=True)
 class Tracked(Documented):
-    """How well the joint followed its reference under a law; of several motors the worst of each."""
+    """Tracking errors of the joint under a law; of several motors the largest of each."""
 
     law: str | None
     """Name of the law; of several motors with different ones all of them; null where the log does not say."""
@@ -166,12 +166,12 @@ class Tracked(Documented):
 
 @dataclass(frozen=True)
 class RecordedRun(Tracked):
-    """What the log of a run shows, whoever looks at it."""
+    """Figures of a run, from its log."""
 
     twin: bool | None
     """True if the drive was the command's own twin, and not one on the rig's bus."""
     stops: tuple[RunStop, ...]
-    """What stopped the run, in the order of time; also what was acknowledged and gone on from."""
+    """All stops of the run in the order of time, acknowledged ones too."""
     emergencies: tuple[TimedText, ...]
     """The drive's emergencies in words, with their codes, in their order."""
     lateness: Lateness | None
@@ -182,7 +182,7 @@ class RecordedRun(Tracked):
 
 @dataclass(frozen=True)
 class LogFacts(RecordedRun):
-    """What a log holds."""
+    """Content of a log."""
 
     outcome: str
     """How the run ended: as asked, or what ended it first."""
@@ -200,6 +200,8 @@ class LogFacts(RecordedRun):
     """From the first cycle to the last [s]."""
     begin_s: float | None
     """Column time of the first cycle: zero is when the command began [s]; null in a log without a cycle."""
+    running_s: float | None
+    """Column time of the first cycle in the mode *running*; null in a log of a run that never was [s]."""
     sample_time_s: float | None
     """Median time between two cycles; null with fewer than two [s]."""
     start_utc: str
@@ -215,7 +217,7 @@ class LogFacts(RecordedRun):
     software: dict[str, str]
     """Versions, git revisions and host of the run."""
     recorder: dict[str, str]
-    """What the recorder said at the end, as text; empty where the log was not closed."""
+    """Last report of the recorder, as text; empty where the log was not closed."""
     columns: dict[str, str]
     """Name of each column and its unit."""
     settings: dict[str, Any]
@@ -235,11 +237,11 @@ class DelaySpread(Documented):
 
 @dataclass(frozen=True)
 class EmgRunFigures(Documented):
-    """How a run by EMG went."""
+    """Figures of a run by EMG."""
 
     source: str
     stream: str
-    """What the stream says it is."""
+    """Description of the stream, by itself."""
     wearer: str | None
     """The wearer's file whose levels the run went by, as rig.toml names it; null without."""
     motions: int | None
@@ -264,7 +266,7 @@ class EmgRunFigures(Documented):
 
 @dataclass(frozen=True)
 class FeltInRun(Documented):
-    """What the wearer felt."""
+    """Interaction torque at the wearer."""
 
     rms_nm: float
     """RMS of the suit's torque on the elbow less the weight that it is to carry [N m]."""
@@ -292,7 +294,7 @@ class EndedRun(RecordedRun):
     """A live run that has ended: what its log shows, and what its session knows besides."""
 
     drive: str
-    """Who the drive says it is."""
+    """Identity of the drive, as it reports it."""
     ended_well: bool
     """True if the run ended as asked, not by a fault."""
     mode: str | None
@@ -300,7 +302,7 @@ class EndedRun(RecordedRun):
     faults: tuple[str, ...]
     remedies: tuple[str, ...]
     stalled_ms: float | None
-    """How long this computer did not let the loop run, where that ended the run [ms]; null where it did not."""
+    """Time for which this computer stalled the loop, where that ended the run [ms]; else null."""
     unattended: str | None
     """That the run was ended before its time because the command that started it gave no sign of life, with the figure
     and what to set; null where it was not."""

@@ -37,11 +37,11 @@ class GainCheck:
 
     @property
     def done(self) -> bool:
-        """Whether there is a verdict."""
+        """True if there is a verdict."""
         return self._found is not None
 
     def require(self) -> str:
-        """What to know of gains that hold; empty where there is nothing.
+        """Notes on gains that hold; empty where there are none.
 
         Raises:
             SafetyError: they do not hold, or cannot be checked.
@@ -57,7 +57,7 @@ class GainCheck:
 
 
 def required(law: str, name: str | None, reason: str) -> str:
-    """What to know of gains that are wanted while the law runs, by what the check says of them; empty where they hold.
+    """Doubts of the check about gains that are to change in a run; empty where they hold.
 
     A loop that swings at rest is begun with, where its user has read so, but not gone over to in mid-run: what holds
     otherwise, with margins or with little, holds at every value between the old ones and the new.

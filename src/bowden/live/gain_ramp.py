@@ -46,7 +46,7 @@ class GainRamp:
 
     @property
     def going(self) -> bool:
-        """Whether a change goes on."""
+        """True if a change is not finished."""
         return self._left > 0
 
     def step(self, block: ControlBlock, cycles: int) -> None:

@@ -88,7 +88,7 @@ def await_host(
 
 
 def _is_loop_without_operator(maps: Path) -> bool:
-    """Whether a process has the block of a run whose operator is gone, by its maps; the file may have been removed."""
+    """True if a process has the block of a run whose operator is gone, by its maps; the file may have been removed."""
     with contextlib.suppress(OSError):  # it has ended, or is another user's
         return any(_gone(*owner) for owner in _BLOCK.findall(maps.read_text(errors="replace")))
     return False
@@ -111,7 +111,7 @@ def _namespace() -> int:
 
 
 def _gone(number: str, which: str) -> bool:
-    """Whether a process of that number, namespace and beginning was one of this namespace, and is there no more."""
+    """True if a process of that number, namespace and beginning was one of this namespace, and is there no more."""
     if not number.isdigit() or which.partition("t")[0] != str(_namespace()):
         return False
     try:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowden.control import LAWS, Law
 from bowden.control.law_file import LawFile
 from bowden.control.source import TABLE, Source
-from bowden.core.errors import ParameterError, asked_for_by
+from bowden.core.errors import ParameterError, error_context
 from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
@@ -58,7 +58,7 @@ class Live:
 
     rig: Rig
     measure: bool
-    """Whether the motor moves through the excitation, in place of a law."""
+    """True if the motor moves through the excitation, in place of a law."""
     law: Law
     limits: Limits
     table: NDArray[np.float64]
@@ -70,7 +70,7 @@ class Live:
     pushing: Pushing | None
     """The wearer's push, as the live loop has it."""
     notes: tuple[str, ...]
-    """What the user should know."""
+    """Notes for the user."""
     logged: Rig
     """The rig as the log keeps it: on the bus that it names, where a twin's own is gone after the run."""
     name: str = ""
@@ -94,7 +94,7 @@ class Live:
 
     @property
     def independent(self) -> bool:
-        """Whether a motor that is stopped by a fault leaves the others running."""
+        """True if a motor that is stopped by a fault leaves the others running."""
         return self.whole is not None and self.whole.independent
 
     @property
@@ -104,7 +104,7 @@ class Live:
 
     @property
     def opposed(self) -> bool:
-        """Whether its cable pulls against that of the motor whose drive has the joint's encoder."""
+        """True if its cable pulls against that of the motor whose drive has the joint's encoder."""
         return self.joint is not None and self.joint.against(self.rig)
 
     @property
@@ -155,7 +155,7 @@ class Live:
 
     @property
     def needs(self) -> DriveNeeds:
-        """What is asked of the drive."""
+        """Requirements on the drive."""
         return self.rig.drive_needs
 
     @property
@@ -185,7 +185,7 @@ class Live:
 
     @property
     def braked(self) -> bool:
-        """Whether a holding brake works in it; while the motor is measured it stays released."""
+        """True if a holding brake works in it; while the motor is measured it stays released."""
         return self.rig.brake.there and not self.measure
 
     def brake(self, drive: Drive) -> BrakeHold | None:
@@ -254,7 +254,7 @@ class Live:
         return Home(0.0 if limits.shared else self.rig.home, limits.lowering)
 
     def log_settings(self) -> dict[str, Any]:
-        """What the log keeps of the run: law, limits, and all of the rig, so that a log is enough.
+        """Settings that the log keeps: law, limits, and all of the rig, so that a log is enough.
 
         Of several motors ``motors`` has those of each with its name, but for the rig, which is the whole one; what
         stands beside is that of the first.
@@ -269,7 +269,7 @@ class Live:
         return {**own, "motors": motors, "independent": self.independent}
 
     def settings(self) -> Mapping[str, Any]:
-        """What is kept of the rig, beside the law and the limits."""
+        """Settings of the rig for the log, beside law and limits."""
         law = self.rig.law
         return {
             "reference": self.rig.trajectory.describe(),
@@ -358,7 +358,7 @@ def _together(rig: Rig, logged: Rig) -> Live:
     joints = {name: joint for joint in rig.each_joint for name in joint.names}
     found = []
     for one, kept in zip(rig.motors, logged.motors, strict=True):
-        with asked_for_by(f"motor {quoted(one.name)}"):
+        with error_context(f"motor {quoted(one.name)}"):
             found.append(_one_of(one.name, one.rig, joints[one.name], kept.rig))
     notes = tuple(f"motor {quoted(motor.name)}: {note}" for motor in found for note in motor.notes)
     said = tuple(_said_of(joint) for joint in rig.each_joint if joint.shared)

@@ -25,6 +25,7 @@ from bowden.live.mcap_reader import LogReader
 from bowden.live.outcome import outcome_of
 from bowden.records.metrics import rmse
 from bowden.rig.families import family_named
+from bowden.safety.state import Mode
 
 FOLLOWED = ("source", "joint", "reference")
 """Columns that `tracked` looks at."""
@@ -64,6 +65,7 @@ def facts(found: Recording) -> LogFacts:
         damage=found.damage,
         duration_s=float(known[-1] - known[0]) if len(known) > 1 else 0.0,
         begin_s=float(known[0]) if len(known) else None,
+        running_s=_running(found),
         sample_time_s=float(np.median(steps)) if len(steps) else None,
         start_utc=datetime.fromtimestamp(int(found.about["start_utc_ns"]) // 10**9, UTC).isoformat(),
         seed=settings.get("seed"),
@@ -79,7 +81,7 @@ def facts(found: Recording) -> LogFacts:
 
 
 def recorded(found: Recording) -> RecordedRun:
-    """What the record of a run shows, with the columns of `NEEDED`."""
+    """Figures of a recorded run, from the columns of `NEEDED`."""
     settings, each = found.settings, [tracked(part) for part in found.parts.values()]
     twin = settings.get("twin")
     rmse_deg, peak_deg = (
@@ -101,7 +103,7 @@ def recorded(found: Recording) -> RecordedRun:
 
 
 def tracked(found: Recording) -> Tracked:
-    """How well the joint followed, by the record of one motor."""
+    """Tracking errors of the joint, by the record of one motor."""
     settings, error = found.settings, np.empty(0)
     if {*FOLLOWED, "time"} <= {*found.columns} and len(found.rows) > 1:
         error = (found["joint"] - found["reference"])[found["source"] >= TargetSource.LAW_BEGINS]
@@ -164,6 +166,12 @@ def _gains(found: Recording) -> Iterator[GainChange]:
             since = _number(time[i + there[0]]) if len(there) else None
             changes.append(GainChange(name, _number(time[i]), float(value[i - 1]), float(asked[i]), since))
     yield from sorted(changes, key=lambda change: change.time_s or 0.0)
+
+
+def _running(found: Recording) -> float | None:
+    """Column time of the first cycle in which a motor ran; None of none."""
+    each = (part["time"][part["mode"] == Mode.RUNNING] for part in found.parts.values() if "mode" in part.columns)
+    return min((float(times[0]) for times in each if len(times)), default=None)
 
 
 def _overruns(found: Recording) -> int | None:

@@ -26,7 +26,7 @@ from bowden.live.ring import RingWriter
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT
 from bowden.live.script import Script
-from bowden.live.together import Together
+from bowden.live.together import AxisCoordinator
 from bowden.safety.faults import Fault, Reaction, bits_of
 from bowden.safety.last_word import LastWord
 from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdict
@@ -37,7 +37,7 @@ _LAST = 10
 
 
 class MotorParts(NamedTuple):
-    """What one motor is made of."""
+    """Parts of one motor."""
 
     drive: Drive
     """Brought up."""
@@ -64,7 +64,7 @@ class _Motor:
         self.mode, self.target = begun.decided.mode, begun.target
         """Of the last verdict."""
         self.ran = False
-        """Whether it ever was in `Mode.RUNNING`."""
+        """True if it ever was in `Mode.RUNNING`."""
         self.verdict = Verdict(self.target, Power.OFF, self.mode, Reaction.NONE, 0)
         self.gains = GainRamp(self.cycle.law, self.cycle.gains, self.cycle.period)
         self.stalled = 0.0
@@ -72,19 +72,19 @@ class _Motor:
         self.reading: DriveReading
         self.request, self.others, self.outcome = Request.NONE, Reaction.NONE, PreflightResult.PENDING
         self.neighbour = 0.0
-        """What its supervisor is shown."""
+        """Input of its supervisor from the other motors."""
         self._last_word = LastWord(self.cycle.limits, self.cycle.period, self.target)
         self._plan, self._requested_target, self._torque = Plan(HOLD, 0.0, NOWHERE), self.target, 0.0
         self._emg_age = 0.0
 
     def read(self, now: float) -> None:
-        """What the drive says."""
+        """Read the drive."""
         reading = self.drive.read(now)
         reading = reading if self._brake is None else self._brake.shown(reading)
         self.reading = reading if self._estimate is None else self._estimate.shown(reading, now)
 
     def plan(self, woke: int, cycles: int) -> None:
-        """What is asked of the motor; `cycles` are periods since the last cycle."""
+        """Plan the target of the motor; `cycles` are periods since the last cycle."""
         self._emg_age = 0.0 if self._course is None else self._course.look(woke)
         self._plan = self.script.plan(self.mode, self.target, self.reading, cycles)
         self.outcome = self.script.outcome
@@ -129,12 +129,12 @@ class _Motor:
 
     @property
     def pulls(self) -> bool:
-        """Whether its drive has a sign of torque, by its state or its current, although its power is off."""
+        """True if its drive has a sign of torque, by its state or its current, although its power is off."""
         return self.cycle.state.supervisor.timers.undisabled > 0.0
 
     @property
     def turning(self) -> bool:
-        """Whether it has one, and the supervisor has not found that it keeps it."""
+        """True if it has one, and the supervisor has not found that it keeps it."""
         return not self.verdict.faults >> Fault.NOT_DISABLED & 1 and self.pulls
 
     def put(self, ring: memoryview, at: int, times: tuple[float, float, float, float, float, float] | None) -> int:
@@ -213,7 +213,7 @@ class Loop:
         )
         self._beside = [(self._motors[i], self._motors[by]) for i, by in enumerate(places) if by != i]
         self._borrowing = [(self._motors[i], self._motors[by]) for i, by in enumerate(encoders) if by != i]
-        self._together = Together(len(motors), independent=independent) if motors[1:] else None
+        self._together = AxisCoordinator(len(motors), independent=independent) if motors[1:] else None
         self._ring, self._block, self._clock, self._start = ring, block, clock, start
         self._quit, self._independent, self._running = False, independent, False
 
@@ -332,13 +332,13 @@ class Loop:
         return cycles, overruns, 0.0 if asked else age
 
     def _over(self) -> bool:
-        """Whether the run has come to its end."""
+        """True if the run has come to its end."""
         motors = self._motors
         if self._together is None:
             return motors[0].script.done and motors[0].mode == Mode.RUNNING
         return self._together.over([motor.script.done for motor in motors], [motor.mode for motor in motors])
 
-    def _plan_together(self, together: Together, request: Request, woke: int, cycles: int) -> None:
+    def _plan_together(self, together: AxisCoordinator, request: Request, woke: int, cycles: int) -> None:
         """What is asked of several motors, and what the supervisor of each is shown of the others."""
         motors = self._motors
         modes = [motor.mode for motor in motors]

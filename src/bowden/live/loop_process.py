@@ -54,7 +54,7 @@ def _run(given: dict[str, Any]) -> int:
 
 def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.core.clock import MonotonicClock
-    from bowden.core.errors import asked_for_by
+    from bowden.core.errors import error_context
     from bowden.core.toml_text import quoted
     from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.of_rig import open_drive
@@ -92,7 +92,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         for motor, one in zip(live.motors, parts, strict=True):
             if os.getppid() != given["operator"]:
                 raise SafetyError("the operator's process has ended before the drive was brought up", do="run it again")
-            with asked_for_by(f"motor {quoted(motor.name)}") if motor.name else contextlib.nullcontext():
+            with error_context(f"motor {quoted(motor.name)}") if motor.name else contextlib.nullcontext():
                 drives.append(one.drive.bring_up())
                 if one.estimate is not None:
                     one.estimate.wait()

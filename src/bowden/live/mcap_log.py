@@ -37,7 +37,7 @@ CLOSING = "bowden.closing"
 
 
 def about(description: Description, more: Mapping[str, str]) -> dict[str, str]:
-    """What the file says about its run: columns, units, settings (as JSON), start, and `more`."""
+    """Metadata of the file: columns, units, settings (as JSON), start, and `more`."""
     said = {
         "columns": json.dumps(description.columns),
         "units": json.dumps(description.units),

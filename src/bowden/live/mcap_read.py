@@ -24,7 +24,7 @@ _TRACE = 50_000  # rows
 
 @dataclass(frozen=True)
 class Recording:
-    """What a log holds."""
+    """Rows, settings and events of a log."""
 
     about: dict[str, str]
     """The first metadata record: settings, versions, host and start, as text."""

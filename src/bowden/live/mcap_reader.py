@@ -104,7 +104,7 @@ class LogReader:
 
     @property
     def damage(self) -> Damage:
-        """What could not be read, once all is read."""
+        """Parts that could not be read, once all is read."""
         return Damage(self._chunks, self._skipped, self._torn)
 
     def __iter__(self) -> Iterator[Piece]:
@@ -195,7 +195,7 @@ def _record(data: mmap.mmap, at: int) -> tuple[int, Chunk | Metadata | None, int
 
 
 def _sound(chunk: Chunk) -> bool:
-    """Whether a chunk's length and checksum are right, and it is not compressed."""
+    """True if a chunk's length and checksum are right, and it is not compressed."""
     fits = not chunk.compression and chunk.uncompressed_size == len(chunk.data)
     return fits and zlib.crc32(chunk.data) == chunk.uncompressed_crc
 

@@ -38,7 +38,7 @@ _MOST_DRAWN = 0.1
 
 
 class Stalls(NamedTuple):
-    """How often this computer did not let the loop run."""
+    """Stalls of the loop by this computer."""
 
     drawn: int
     """Cycles that were left out; their samples are drawn in between their neighbours."""

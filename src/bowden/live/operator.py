@@ -85,7 +85,7 @@ class Ending:
 
     def __init__(self) -> None:
         self.asked = False
-        """Whether one has come."""
+        """True if a request has come."""
         self._end: Callable[[], None] | None = None
 
     def ends(self, end: Callable[[], None]) -> None:

@@ -12,7 +12,7 @@ from bowden.live.figures import RunStop
 from bowden.live.mcap_read import Recording
 from bowden.live.ring_status import RecorderState
 from bowden.live.session_motor import SessionMotor
-from bowden.live.stops import OF_THE_COMPUTER, STALLED, MotorFaults, remedy_of, told_apart, unattended
+from bowden.live.stops import OF_THE_COMPUTER, STALLED, MotorFaults, remedy_of, split_root_causes, unattended
 from bowden.live.together import mode_of_all
 from bowden.safety import faults
 from bowden.safety.faults import Fault
@@ -20,16 +20,16 @@ from bowden.safety.state import Mode
 
 
 class RunState(NamedTuple):
-    """What a session knows of where its run stands, and how it ended."""
+    """State of a session's run, and its end."""
 
     ended: Ended | None
-    """What the loop said at its end."""
+    """State of the loop at its end, as it reported it."""
     error: str
-    """Why the loop ended without a word about how it ended."""
+    """Reason for which the loop ended without a report."""
     mode: Mode | None
     motors: Sequence[SessionMotor]
     patience: float
-    """How long the operator may be silent [s]."""
+    """Longest silence of the operator that is allowed [s]."""
     on_twin: bool
     recorder: int = RecorderState.OK
     """The `RecorderState` of the newest cycle."""
@@ -38,7 +38,7 @@ class RunState(NamedTuple):
 
     @property
     def ended_well(self) -> bool:
-        """Whether the run has ended as asked, without torque, and not because a fault kept it from beginning."""
+        """True if the run has ended as asked, without torque, and not because a fault kept it from beginning."""
         ended = self.ended
         if ended is None or self.error or ended.mode != Mode.STOPPED or ended.torque or ended.unattended:
             return False
@@ -59,7 +59,7 @@ def held_back(bits: float) -> tuple[Fault, ...]:
 
 
 def outcome_of(log: Recording, found: Sequence[RunStop], *, twin: bool) -> str:
-    """How a recorded run ended, what ended it first.
+    """Outcome of a recorded run, its first cause first.
 
     Args:
         log: of the run, with the columns ``mode``, ``faults`` and ``recorder``.
@@ -115,7 +115,7 @@ def outcome(run: RunState) -> str:
 
 
 def why(run: RunState) -> list[str]:
-    """What ended a run that did not end as asked, the most dangerous first."""
+    """Causes of a run's end, the most dangerous first; empty if it ended as asked."""
     ended = run.ended or SAID_NOTHING
     stalled = STALLED.format(1e3 * ended.stalled) if ended.stalled else ""
     alone = unattended(ended.unattended, run.patience) if ended.unattended else ""
@@ -129,7 +129,7 @@ def _faults(run: RunState) -> list[str]:
     each = [(motor.name, motor.came) for motor in run.motors if motor.came]
     if not each:
         each = [("", dict.fromkeys(faults.of((run.ended or SAID_NOTHING).faults), 0.0))]
-    first, *others = sorted((MotorFaults(name, *told_apart(came), came) for name, came in each), key=_order)
+    first, *others = sorted((MotorFaults(name, *split_root_causes(came), came) for name, came in each), key=_order)
     where = f"{first.motor}: " if first.motor else ""
     found = [
         f"{where}{fault.meaning}; {remedy_of(fault, twin=run.on_twin, recorder=run.recorder, emg=run.emg)}"

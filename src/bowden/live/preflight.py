@@ -28,7 +28,7 @@ class Preflight(NamedTuple):
     """The settings of a preflight."""
 
     listen: float = 0.5
-    """How long the sensors are listened to before anything moves [s]."""
+    """Time for which the sensors are observed before anything moves [s]."""
     first: float = 2.0 * RADIANS
     """First motion of the motor [rad]."""
     largest: float = 30.0 * RADIANS
@@ -50,15 +50,15 @@ class Preflight(NamedTuple):
     light: float = 0.3
     """Current below which the cable carries nothing [A]."""
     enable: float = 5.0
-    """How long the drive may take to enable [s]."""
+    """Longest time that the drive may take to enable [s]."""
     low: float = -math.inf
     """Smallest target of the motor: one that rests beyond, as a release may leave it, is brought there first [rad]."""
     high: float = math.inf
     """Largest [rad]."""
     tension: bool = False
-    """Whether the cable's tension is measured."""
+    """True if the cable's tension is measured."""
     torque: bool = False
-    """Whether the joint's torque is measured."""
+    """True if the joint's torque is measured."""
     load_sign: float = 1.0
     """−1 of a cable that is let out in this motion, since another one pulls the joint: its load falls."""
 
@@ -90,7 +90,7 @@ cables [–]."""
 
 
 def on_suit(checks: Preflight, suit: Suit) -> Preflight:
-    """What the preflight asks of a suit: of its gears, which friction holds at first, and of its flex sensor, which is
+    """Preflight settings of a suit: of its gears, which friction holds at first, and of its flex sensor, which is
     less still.
 
     No more of the current counts than the gears' friction takes: a drive that holds against it, and a wearer who
@@ -113,7 +113,7 @@ class Step(IntEnum):
 
 
 class Reason(IntEnum):
-    """What a preflight found."""
+    """Result of a preflight."""
 
     NONE = 0
     NOT_ENABLED = 1
@@ -147,7 +147,7 @@ REASONS = {
     "its amplifier, and tighten the cable",
     Reason.LOAD_WRONG_WAY: "the load cell falls while the cable is pulled; change the sign of its scale in rig.toml",
 }
-"""What each reason means and what to do."""
+"""Meaning and remedy of each reason."""
 
 
 class PreflightState(NamedTuple):
@@ -192,7 +192,7 @@ class PreflightState(NamedTuple):
 
 
 class PreflightOutcome(NamedTuple):
-    """What a preflight says in a cycle."""
+    """Output of a preflight in a cycle."""
 
     result: PreflightResult
     reason: Reason

@@ -48,7 +48,7 @@ def _revision(folder: Path) -> str:
 
 
 def _same(folder: Path, top: str, common: str, own: str, commit: str) -> bool:
-    """Whether the files of a repository are surely those of its commit.
+    """True if the files of a repository are surely those of its commit.
 
     Raises:
         OSError: no temporary folder can be made or written.

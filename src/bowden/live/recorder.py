@@ -55,7 +55,7 @@ class _Waiting:
     batches: list[Batch] = field(default_factory=list)
     count: int = 0
     since: int = 0
-    """When the oldest of them came [ns]."""
+    """Time at which the oldest of them came [ns]."""
     dropped: int = 0
 
 
@@ -105,7 +105,7 @@ class Disk:
                 waiting.count += len(batch.rows)
 
     def report(self, now: int, lost: int) -> Report:
-        """How it stands at this instant [ns]."""
+        """State of the recorder at this instant [ns]."""
         with self._lock:
             waiting = self._waiting
             slow = waiting.since and now - waiting.since > _SLOW_AFTER
@@ -263,7 +263,7 @@ def _sync_name(path: Path) -> None:
 
 
 def _is_there(path: Path, handle: int) -> bool:
-    """Whether a name still leads to the open file."""
+    """True if a name still leads to the open file."""
     try:
         return os.path.samestat(path.stat(), os.fstat(handle))
     except OSError:

@@ -39,7 +39,7 @@ _HEADER = 8 * WORDS
 
 @dataclass(frozen=True)
 class Description:
-    """What the rows of a ring mean."""
+    """Meaning of the rows of a ring."""
 
     columns: tuple[str, ...]
     """Names, ``time`` [s] among them; ``law.<name>`` and ``supervisor.<name>`` are the states of these two."""
@@ -145,7 +145,7 @@ class _Mapped:
 
     @property
     def closed(self) -> bool:
-        """Whether the writer said that no further row will come."""
+        """True if the writer said that no further row will come."""
         return bool(self._words[_CLOSED_WORD])
 
 

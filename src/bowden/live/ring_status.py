@@ -13,7 +13,7 @@ _DEAD_AFTER = 1_000_000_000
 
 
 class RecorderState(IntEnum):
-    """How the recorder is; a new run is armed with `OK` only."""
+    """State of the recorder; a new run is armed with `OK` only."""
 
     ABSENT = 0
     """None has begun with this ring."""
@@ -28,7 +28,7 @@ class RecorderState(IntEnum):
     ENDED = 5
     """It closed its file properly."""
     FILE_GONE = 6
-    """What it writes is no longer under the file's name: removed, replaced or moved."""
+    """Its file is no longer under its name: removed, replaced or moved."""
 
 
 class Report(NamedTuple):
@@ -63,7 +63,7 @@ class RecorderStatus:
         self._words[1] = report.heartbeat_ns
 
     def read(self) -> Report:
-        """What it said last."""
+        """Last report of the recorder."""
         return Report(*self._words.tolist())
 
     def state(self, now_ns: int) -> int:
@@ -78,5 +78,5 @@ class RecorderStatus:
 
     @property
     def stopping(self) -> bool:
-        """Whether it was asked to."""
+        """True if it was asked to."""
         return bool(self._stop[0])

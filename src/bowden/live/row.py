@@ -119,6 +119,6 @@ def description(
 
 
 def thermal_of(row: Mapping[str, float]) -> ThermalState:
-    """How warm the motor is, from a row's columns."""
+    """Temperatures of the motor, from a row's columns."""
     heat: ThermalState = from_columns(STOPPED.heat, row, "supervisor.heat")
     return heat

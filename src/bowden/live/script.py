@@ -74,10 +74,10 @@ class Script:
         self.least = 0.0
         """The approach takes at least this long: where several motors begin together, as long as the longest [s]."""
         self.done = False
-        """Whether the run has come to its end since it began, and the joint home."""
+        """True if the run has come to its end since it began, and the joint home."""
 
     def plan(self, mode: Mode, target: float, reading: DriveReading, cycles: int) -> Plan:
-        """What to do in this cycle.
+        """Plan of this cycle.
 
         Args:
             mode: the supervisor's, after the last cycle.
@@ -162,12 +162,12 @@ class Script:
         self._mode = mode
 
     def approach(self, target: float) -> float:
-        """How long the way to the beginning takes from a target of the motor [rad], in whole cycles [s]."""
+        """Duration of the motion from a target of the motor [rad] to the beginning, in whole cycles [s]."""
         return math.ceil(PEAK_SPEED * abs(self._start - target) / self._speed / self._period) * self._period
 
     @property
     def reason(self) -> preflight.Reason:
-        """Why the preflight failed; `NONE` where it has not."""
+        """Reason for which the preflight failed; `NONE` where it has not."""
         return self._checked.reason
 
 

@@ -43,7 +43,7 @@ from bowden.live.ring import CAPACITY, FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, description
 from bowden.live.session_motor import SessionMotor
-from bowden.live.stops import MotorFaults, told_apart
+from bowden.live.stops import MotorFaults, split_root_causes
 from bowden.live.together import OF_ALL, mode_of_all, of_all
 from bowden.records.trace import Trace
 from bowden.rig.declaration import at, items_of
@@ -115,14 +115,14 @@ class Session:
         """Why the last of them is not there at the end: it was removed, replaced or moved during the run."""
         self.clock = MonotonicClock()
         self.ended: Ended | None = None
-        """What the loop said at its end."""
+        """State of the loop at its end, as it reported it."""
         self.error = ""
-        """Why the loop ended without a word about how it ended; empty where it said that."""
+        """Reason for which the loop ended without a report; empty where it reported."""
         self.motors: tuple[SessionMotor, ...] = ()
         """Each motor of the run, once it has begun; one where the rig has one motor."""
         self._last: Row | None = None
         self.began_latched = False
-        """Whether a run before it was latched by what has not been acknowledged."""
+        """True if the previous run left an unacknowledged fault."""
         self._latching = ThreadPoolExecutor(1)
         self._not_kept, self._keeping = "", threading.Lock()
         self._came = self.clock.now()
@@ -272,7 +272,7 @@ class Session:
 
     @property
     def on_twin(self) -> bool:
-        """Whether the drive is a twin of this command's own."""
+        """True if the drive is a twin of this command's own."""
         return not self._remembers
 
     @property
@@ -317,7 +317,7 @@ class Session:
 
     @property
     def ended_well(self) -> bool:
-        """Whether the run has ended as asked, without torque."""
+        """True if the run has ended as asked, without torque."""
         return self._state.ended_well
 
     @property
@@ -353,7 +353,7 @@ class Session:
 
     @property
     def running(self) -> bool:
-        """Whether the loop cycles."""
+        """True if the loop cycles."""
         return self._loop.poll() is None
 
     def _await_end(self) -> None:
@@ -411,7 +411,7 @@ class Session:
 
     @property
     def came(self) -> dict[Fault, float]:
-        """When the faults that are there came [s], in that order, as far as `last` has looked; of all motors."""
+        """Onset of each present fault [s], in the order of time, up to the newest row of `last`; of all motors."""
         found: dict[Fault, float] = {}
         for motor in self.motors:
             for fault, time in motor.came.items():
@@ -425,7 +425,7 @@ class Session:
             own = motor.of(row)
             came = {fault: motor.came.get(fault, own["time"]) for fault in faults.of(own["faults"])}
             if came:
-                found.append(MotorFaults(motor.name, *told_apart(came), came))
+                found.append(MotorFaults(motor.name, *split_root_causes(came), came))
         return sorted(found, key=MotorFaults.order)
 
     @property
@@ -455,7 +455,7 @@ class Session:
 
     @property
     def stop_waits(self) -> bool:
-        """Whether a stop was asked for that the loop has not taken yet."""
+        """True if a stop was asked for that the loop has not taken yet."""
         return self.block.stop_waits
 
     @property
@@ -592,7 +592,7 @@ class Session:
 
     @property
     def changing(self) -> bool:
-        """Whether a change of gains that was asked for is not in force yet, as far as `last` has looked."""
+        """True if a change of gains that was asked for is not in force yet, as far as `last` has looked."""
         now = self.gains
         return any(now[name] != value for name, value in self._changed.items())
 
@@ -746,7 +746,7 @@ def prepared_loop() -> Iterator["subprocess.Popen[str]"]:
 
 @contextlib.contextmanager
 def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Rig]:
-    """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus, with `patient` limits.
+    """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus, see `relax_twin_limits`.
 
     Args:
         rig: to be played.
@@ -779,7 +779,7 @@ def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Ri
             if measure:
                 twin.control.wait(PATIENCE)
             for one in joint.motors:
-                beside = patient(one.rig, measure=measure)
+                beside = relax_twin_limits(one.rig, measure=measure)
                 wider, usual = beside.supervisor_limits, one.rig.supervisor_limits
                 allowed = ", ".join(
                     f"{item.key} = {at(wider, item.path):.3g} (in place of {at(usual, item.path):g})"
@@ -815,7 +815,7 @@ def _tell_of_ended(twins: Iterable[tuple[str, "subprocess.Popen[str]"]]) -> None
         )
 
 
-def patient(rig: Rig, *, measure: bool = False) -> Rig:
+def relax_twin_limits(rig: Rig, *, measure: bool = False) -> Rig:
     """The rig with the limits of a run on a twin of the command's own.
 
     This computer plays the drive as well. If it stalls, the twin answers late, which a drive does not; and no motor

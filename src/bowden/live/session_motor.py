@@ -50,11 +50,11 @@ class SessionMotor:
         drive = live.rig.drive_parameters
         self._scenario = TwinScenario(drive, start / SECOND, self._at)
         self.thermal = thermal_file.read(drive, live.limits) if remembers else cold(live.limits.thermal)
-        """How warm the run before left the motor."""
+        """Temperatures of the motor at the end of the previous run."""
         self.latched = latch_file.read(drive) if remembers else None
         """Faults that have not been acknowledged, a sum of 2**fault; None where there is no latch."""
         self.came: dict[Fault, float] = {}
-        """When the faults that are there came [s], in that order."""
+        """Onset of each present fault [s], in the order of time."""
         self.emergency = 0
         """Error code of the drive's last emergency; 0 where there was none."""
 

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bowden.core.errors import OutputError, asked_for_by
+from bowden.core.errors import OutputError, error_context
 from bowden.core.files import output_folder
 from bowden.core.toml_text import quoted
 from bowden.rig.rig import Rig
@@ -59,7 +59,7 @@ def live_session(
     live = live_run(rig, measure=measure)
     for motor in () if twin else live.motors:  # another run's bus is refused at once; the drive claims it for good
         left_behind.await_host(partial(family_of(motor.rig.drive).claim, motor.rig.drive), tell)
-        with asked_for_by(f"motor {quoted(motor.name)}") if motor.name else contextlib.nullcontext():
+        with error_context(f"motor {quoted(motor.name)}") if motor.name else contextlib.nullcontext():
             require_watch(motor.rig, [other.rig for other in live.motors])
         require_confirmed(motor.rig, motor.name or alone)
     with contextlib.ExitStack() as stack:
@@ -72,14 +72,14 @@ def live_session(
         found = dict[str, CheckVerdict]()
         for joint in rig.each_joint:
             verdict = CheckVerdict("holds", "") if measure else checked  # no gains take part in a measurement
-            with asked_for_by(joint.said) if joint.said else contextlib.nullcontext():
+            with error_context(joint.said) if joint.said else contextlib.nullcontext():
                 verdict = verdict or verdicts(joint, [laws_of(joint)], name, force=force)[0]
             found |= dict.fromkeys(joint.names, verdict)
             if verdict.note:
                 tell(f"{joint.said}: {verdict.note}" if joint.said else verdict.note)
         for motor in live.motors:
             of_motor = f"motor {quoted(motor.name)}"
-            with asked_for_by(of_motor) if motor.name else contextlib.nullcontext():
+            with error_context(of_motor) if motor.name else contextlib.nullcontext():
                 whose = f"{of_motor}: " if motor.name else ""
                 if note := unseen_watch(motor.rig):
                     tell(f"{whose}{note}")

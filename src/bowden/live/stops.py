@@ -87,11 +87,11 @@ _OF_EMG: Mapping[float, str] = {
     EmgLoss.READER: "the process that reads the stream stalled or ended, whatever the electrodes do: close other "
     "programs, run `bowden doctor`, and begin another run",
     EmgLoss.STREAM: "no new samples came, whatever the electrodes do: look at the program that sends, its base station "
-    "and its network; then arm again",
+    "and its network; then begin again",
     EmgLoss.DEAD: "samples came, of a signal that is flat, at its limit, missing or repeated: look at the electrodes, "
-    "their contact and their sender; then arm again",
+    "their contact and their sender; then begin again",
     EmgLoss.NOISY: "samples came, full of movement or mains: look at the electrodes, their contact and their cables; "
-    "then arm again",
+    "then begin again",
 }
 """Remedies where it is known what was lost."""
 
@@ -157,7 +157,7 @@ def _stops(log: Recording) -> Iterator[Stop]:
         since = (time >= time[at] - _LOOKED_BACK) & (time <= time[at])
         yield Stop(
             float(time[begin] - time[0]),
-            *told_apart(onsets(bits[begin:over], time[begin:over])),
+            *split_root_causes(onsets(bits[begin:over], time[begin:over])),
             _most(log["lateness"][since], log["supervisor.timers.late"][since]),
             _most(log["operator_age"][since]) if "operator_age" in log.columns else 0.0,
             float(log["emg.loss"][at]) if "emg.loss" in log.columns else EmgLoss.NONE,
@@ -169,7 +169,7 @@ def _most(*parts: Array) -> float:
 
 
 def onsets(bits: Array | NDArray[np.int64], times: Array) -> dict[Fault, float]:
-    """When each fault came first [s], in that order.
+    """Onset of each fault [s], in the order of time.
 
     Args:
         bits: of the faults in each cycle (n,).
@@ -182,7 +182,7 @@ def onsets(bits: Array | NDArray[np.int64], times: Array) -> dict[Fault, float]:
     return order
 
 
-def told_apart(came: Mapping[Fault, float]) -> tuple[tuple[Fault, ...], tuple[Fault, ...]]:
+def split_root_causes(came: Mapping[Fault, float]) -> tuple[tuple[Fault, ...], tuple[Fault, ...]]:
     """Causes and consequences among faults, each in the order in which they came.
 
     Args:

@@ -23,7 +23,7 @@ _ON = _UNDER_WAY | {Mode.PREFLIGHT}
 _OFF = frozenset({Mode.STOPPED, Mode.LATCHED})
 
 
-class Together:
+class AxisCoordinator:
     """The motors of one run.
 
     Args:
@@ -83,7 +83,7 @@ class Together:
         return list(alone) if self._independent else [min(alone)] * self._count
 
     def over(self, done: Sequence[bool], modes: Sequence[Mode]) -> bool:
-        """Whether the run has come to its end: every motor that runs has, and one does.
+        """True if the run has come to its end: every motor that runs has, and one does.
 
         Args:
             done: whether each motor's script has.

@@ -96,7 +96,7 @@ class SharedLoops(Documented):
 
 @dataclass(frozen=True)
 class LoopCheck(Documented):
-    """Whether a law holds on one joint."""
+    """Verdict on a law on one joint."""
 
     joint: str
     """Its name or, where one motor moves it, that motor's; empty of a rig with one motor."""
@@ -142,7 +142,7 @@ class LoopCheck(Documented):
 
 @dataclass(frozen=True)
 class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
-    """Whether a law holds; of a rig with several joints the figures of the worst, and of each."""
+    """Verdict on a law; of a rig with several joints the figures of the worst, and of each."""
 
     joints: tuple[LoopCheck, ...]
     """Figures of each joint of a rig with several; empty for a rig with one."""
@@ -199,7 +199,7 @@ def check(
     >>> found.holds, found.verdict, round(found.gain_margin_db)
     (True, 'holds', 19)
     """
-    from bowden.core.errors import asked_for_by
+    from bowden.core.errors import error_context
     from bowden.design.forecast import foreseen
     from bowden.design.objections import as_notes, objections, refuse_sources
     from bowden.design.verdict import checked
@@ -214,7 +214,7 @@ def check(
     with reported(progress, "check") as report:
         for name, joint in joints.items():
             report(f"checking {name} {joint.first.law_name}".replace("  ", " "), len(checks) / len(joints))
-            with asked_for_by(joint.said) if joint.said else contextlib.nullcontext():
+            with error_context(joint.said) if joint.said else contextlib.nullcontext():
                 checks[name] = replace(checked(joint), cable_trust=whole.cable_trust)
                 asked = checks[name].holds and not (joint.shared or found_wrong)
                 ends = "" if not asked else foreseen(joint.first, joint.first.fitted())

@@ -61,12 +61,12 @@ class ReadingRange(Documented):
 
 @dataclass(frozen=True)
 class DriveReadings(Documented):
-    """What a drive says of itself while it is read."""
+    """Readings of a drive."""
 
     drive: str
-    """Who the drive is."""
+    """Identity of the drive."""
     cycles: int
-    """How often it was read."""
+    """Number of readings."""
     readings: dict[str, ReadingRange]
     """Each by its name, with its unit: motor_deg at the spool, joint_deg, current_a, tension_n, joint_torque_nm and
     temperature_c; null where it is not measured."""
@@ -76,7 +76,7 @@ class DriveReadings(Documented):
 
 @dataclass(frozen=True)
 class DriveMonitor(DriveReadings, Result["DriveMonitor"]):
-    """What a drive has said."""
+    """Readings and emergencies of a drive."""
 
     silent_s: dict[str, float | None]
     """Longest time without an angle, of motor and joint; null where none ever came."""
@@ -102,7 +102,7 @@ class DriveTare(Result["DriveTare"]):
     drive: str
     """Who the drive and the load cell are."""
     load: float
-    """What is said to hang on the load cell, in `unit`."""
+    """Load on the load cell, as given, in `unit`."""
     read: float
     """Mean of what it read with the rig's present zero, in `unit`."""
     span: float

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from bowden.control import Law
-    from bowden.export.counts import Counts
     from bowden.export.module import Module
     from bowden.models.suit.suit_angle import SpoolMap
+    from bowden.rig.counts import Counts
     from bowden.rig.rig import Rig
     from bowden.safety.limits import Limits
 
@@ -109,11 +109,11 @@ def export(
     from bowden.core.files import output_folder, whole_files
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
-    from bowden.export.counts import counts_of, guessed
     from bowden.export.files import files
     from bowden.export.readme import TARGETS, YOURS, pages
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
+    from bowden.rig.counts import counts_of, guessed
 
     whole = given.under(given.rig_of(rig).only(motor), law, preset)
     own, name = whole.fitted(), given.name_of(whole)
@@ -199,7 +199,7 @@ def limits_of(rig: "Rig", law: "Law") -> "Limits":
 def _said(rig: str, law: "Law", preset: str | None, *, float32: bool, encoders: "Counts | SpoolMap") -> str:
     """What the code was made from."""
     import bowden
-    from bowden.export.counts import Counts
+    from bowden.rig.counts import Counts
 
     gains = f" with the preset {preset}" if preset else ""
     kind = "float" if float32 else "double"
@@ -229,7 +229,7 @@ def _only_ours(folder: Path, names: set[str]) -> None:
 
 
 def _written(file: Path) -> bool:
-    """Whether an export has written it."""
+    """True if an export has written it."""
     return file.is_file() and _MARK in file.read_bytes()[:_HEAD]
 
 

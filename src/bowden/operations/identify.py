@@ -85,7 +85,7 @@ class LoopOfModel(Documented):
 
 @dataclass(frozen=True)
 class ForecastOfModel(Documented):
-    """What a compensation by the model would leave."""
+    """Error that a compensation by the model would leave."""
 
     compensated_rms_deg: float | None
     """With the inverse of the recommended model commanded exactly: its error on the second half, weighted by the time
@@ -98,7 +98,7 @@ class ForecastOfModel(Documented):
 
 @dataclass(frozen=True)
 class ScheduleVariables(Documented):
-    """What a model is scheduled by."""
+    """Variables that schedule a model."""
 
     load: str | None
     """Unit of the load, empty where nothing says it; null where the model does not follow a load."""
@@ -151,7 +151,7 @@ class GainAndOffset(Documented):
     judged_rms_deg: float | None
     """Error of the old model on data that it had not seen, as its file says [deg]."""
     changed: bool | None
-    """Whether the cable has changed; null where the file does not say how good the model was, and where the motor goes
+    """True if the cable has changed; null where the file does not say how good the model was, and where the motor goes
     outside the identified stroke."""
 
 
@@ -182,7 +182,7 @@ class Identification(Result["Fit"]):
     trust: TrustLevel
     """Whether to trust the recommended model for motions like the logs'."""
     variables: ScheduleVariables
-    """What schedules the model."""
+    """Variables that schedule the model."""
     logs: tuple[LogOfFit, ...]
     """In the order in which they were given."""
     recalibration: GainAndOffset | None

@@ -17,7 +17,7 @@ File = Annotated[Path, Switch(metavar="FILE")]
 
 @dataclass(frozen=True)
 class LogInfo(LogFacts, Result["LogInfo"]):
-    """What a log holds."""
+    """Content of a log."""
 
     file: Path
     """The log."""
@@ -53,7 +53,7 @@ class LogDrawn(Result["LogDrawn"]):
 
 @dataclass(frozen=True)
 class ReplayFigures(Replay):
-    """How a replay of one motor compares with its record."""
+    """Comparison of a replay of one motor with its record."""
 
     law: str
     """The law that was fed with it."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FeltTorque(Documented):
-    """What the wearer felt of the suit."""
+    """Interaction torque between wearer and suit."""
 
     rms_nm: float
     """RMS of the suit's torque on the elbow less the weight that it is to carry, settled [N m]."""
@@ -68,7 +68,7 @@ class SimulatedRun(Metrics):
 
 
 class SimulatedJoint(NamedTuple):
-    """What ran on one joint."""
+    """Motors and errors of one joint."""
 
     joint: "RigJoint"
     """With its motors, under the rig's own law."""

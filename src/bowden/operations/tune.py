@@ -45,6 +45,8 @@ class TuneResult(Result["Tuning"]):
     """The same with the gains before; null where a run was unstable [deg]."""
     short: str
     """What these gains fall short of, of what is looked for, and why; empty where they keep it all."""
+    at_bounds: tuple[str, ...]
+    """Which gains stand at a bound of the law or of the search, and what that means; empty where none does."""
     study: JudgedByStudy | None
     """With --study: what the gains make of plants that they were not tuned against; null without."""
     _: KW_ONLY
@@ -152,6 +154,7 @@ def _figures(found: "Tuning", rig: "Rig") -> dict[str, Any]:
         "worst_rmse_deg": degrees(found.worst_rmse),
         "worst_rmse_before_deg": degrees(found.worst_before),
         "short": found.short,
+        "at_bounds": found.at_bounds,
         "study": found.study,
     }
 

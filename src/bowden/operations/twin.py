@@ -95,7 +95,7 @@ class TwinFault(Documented):
     """A fault that a twin can be given."""
 
     fault: str
-    """What to write to inject it."""
+    """Text that injects it."""
     meaning: str
     side: bool
     """True if the name is followed by joint or motor."""
@@ -109,7 +109,7 @@ class TwinFault(Documented):
 
 @dataclass(frozen=True)
 class TwinFaults(Result["TwinFaults"]):
-    """What a twin can be given."""
+    """Faults of a twin."""
 
     faults: tuple[TwinFault, ...]
 

@@ -45,9 +45,9 @@ def worst_margins(bench: Bench, gains: AdaptiveGains) -> Margins | None:
             return None
     return Margins(
         stable=True,
-        gain_margin_db=min(m.gain_margin_db for m in found if m.gain_margin_db is not None),
-        phase_margin_deg=min(m.phase_margin_deg for m in found if m.phase_margin_deg is not None),
-        delay_margin_s=min(m.delay_margin_s for m in found if m.delay_margin_s is not None),
+        gain_margin_db=min((m.gain_margin_db for m in found if m.gain_margin_db is not None), default=None),
+        phase_margin_deg=min((m.phase_margin_deg for m in found if m.phase_margin_deg is not None), default=None),
+        delay_margin_s=min((m.delay_margin_s for m in found if m.delay_margin_s is not None), default=None),
         largest_pole=max(m.largest_pole for m in found),
     )
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bowden import __version__
 from bowden.core.arguments import number, path_of, said
-from bowden.core.errors import ParameterError, asked_for_by, near
+from bowden.core.errors import ParameterError, error_context, near
 from bowden.core.files import write_text
 from bowden.core.guesses import Answering, answering
 from bowden.core.toml_text import quoted
@@ -338,7 +338,7 @@ def named(
     if same and before.changed.keys() <= parameters.keys():
         found: IdentifiedCable = before
     else:
-        with asked_for_by(f"{rig}: cable.model"):
+        with error_context(f"{rig}: cable.model"):
             found = load_cable(rig.parent / model, model).counted(counting)
         if digest not in (None, found.digest):
             raise ParameterError(
@@ -347,7 +347,7 @@ def named(
                 do=f"make a new rig: bowden init NEW.toml --model {rig.parent / model}; or, if reference, "
                 f'limits and law suit the new model too, write model_hash = "{found.digest}"',
             )
-    with asked_for_by(f"{rig}: cable.parameters"):
+    with error_context(f"{rig}: cable.parameters"):
         return found.with_parameters(parameters)
 
 

@@ -31,7 +31,7 @@ _SAID = {
 
 
 def log_line(log: Log, *, simulated: bool) -> str:
-    """What the log is."""
+    """Description of the log."""
     what = "simulated, since no log was given" if simulated else "yours"
     rows = len(log.time)
     length = float(log.time[-1] - log.time[0])
@@ -60,18 +60,18 @@ def simulated_line(traces: Mapping[str, Trace]) -> str:
 
 
 def live_line(live: Trace, found: EndedRun) -> str:
-    """How the live run followed, how it ended, and its longest cycle."""
+    """Tracking error, end and longest cycle of the live run."""
     followed = f"{_error(live)} over {found.seconds_led:.3g} s" if found.rmse_deg is not None else "no law led"
     return f"Live: {followed}; {ending(found)}; the longest cycle took {_longest(live)}"
 
 
 def by_the_computer(found: EndedRun) -> bool:
-    """Whether a run was ended by this computer, which stalled, and not by the rig."""
+    """True if a run was ended by this computer, which stalled, and not by the rig."""
     return bool(found.stalled_ms) or any(stop.too_busy for stop in found.stops)
 
 
 def ending(found: EndedRun) -> str:
-    """How the live run ended."""
+    """End of the live run."""
     if found.ended_well:
         return "it ended as asked, in a controlled release"
     if by_the_computer(found):

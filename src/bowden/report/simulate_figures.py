@@ -38,7 +38,7 @@ def rate(trace: Trace) -> float:
 
 
 def lasted(trace: Trace) -> float:
-    """How long a run's joint stayed a number [s]."""
+    """Time for which the joint of a run stayed finite [s]."""
     bad = np.flatnonzero(~np.isfinite(trace["joint"]))
     return float(trace.time[bad[0] if len(bad) else -1] - trace.time[0])
 

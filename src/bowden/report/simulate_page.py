@@ -111,7 +111,7 @@ def _lead(traces: Mapping[str, Trace]) -> str:
 
 
 def _is_shared(traces: Mapping[str, Trace]) -> bool:
-    """Whether each law has a trace for each of several motors on one joint."""
+    """True if each law has a trace for each of several motors on one joint."""
     return all("pull" in trace.columns for trace in traces.values())
 
 

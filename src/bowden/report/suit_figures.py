@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def is_suit(traces: Mapping[str, Trace]) -> bool:
-    """Whether every run was on a suit."""
+    """True if every run was on a suit."""
     return all("flexor_tension" in trace.columns for trace in traces.values())
 
 
@@ -32,7 +32,7 @@ def tensions(traces: Mapping[str, Trace]) -> "Figure":
 
 
 def is_pushed(traces: Mapping[str, Trace]) -> bool:
-    """Whether the wearer's push made the reference of every run."""
+    """True if the wearer's push made the reference of every run."""
     return all("admittance.push.torque" in trace.columns for trace in traces.values())
 
 

@@ -168,7 +168,7 @@ def drive_parameters(rig: Rig) -> Any:
         )
     parameters = family.completed(given, needs)
     watch, longest = family.watchdog(parameters), longest_silence(needs.sample_time)
-    if not watch <= longest:
+    if not (watch <= longest or (family.holds and math.isinf(watch))):
         never = "never" if math.isinf(watch) else f"{1e3 * watch:g} ms after our last word"
         raise ParameterError(
             f"the drive ({family.name}) takes its torque off {never}, should the loop die",

@@ -128,8 +128,9 @@ class DriveFamily:
     claim: Callable[[Any], Callable[[], None]]
     """Claim the host's part on the bus, and how to let go of it; raises a DriveError where another run has it."""
     watchdog: Callable[[Any], float]
-    """``watchdog(parameters)``: time without a word of ours after which the drive takes its torque off by itself, the
-    time in which it looks included [s]; infinite for one that would keep it, which no run is given."""
+    """``watchdog(parameters)``: time without a word of ours after which the drive takes its torque off by itself, or
+    stops where it `holds`, with the time in which it looks [s]; infinite for one that would keep it, which no run is
+    given but of a family that `holds`."""
     most_push: Callable[[Any, DriveNeeds], float]
     """``most_push(parameters, needs)``: largest torque offset that it takes, at the spool [N·m]."""
     measures_tension: Callable[[Any], bool]
@@ -163,6 +164,8 @@ class DriveFamily:
     """Why nobody knows that its torque goes when this computer dies, as nobody sees over the bus that its `watchdog`
     works, or as it has none; empty where bring-up tries it or reads it back. With a limb in the rig such a drive is
     refused, and without one the rig has to say so (`no_limb`)."""
+    holds: bool = False
+    """True if it keeps its torque without a host by its nature; `unseen_watch` says how."""
     cycle_time: Callable[[Sequence[Any]], float] | None = None
     """``cycle_time(drives)``: shortest cycle with these drives of the family on one bus [s]; None where it is not
     known."""

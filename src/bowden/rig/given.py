@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 from bowden.control.recorded_motion import held
 from bowden.control.reference import Recorded, Trajectory
 from bowden.core import arguments
-from bowden.core.errors import ParameterError, asked_for_by
+from bowden.core.errors import ParameterError, error_context
 from bowden.core.registry import resolve
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.bends import Bend, ConstantBend, RandomBend, ScriptedBend
@@ -138,7 +138,7 @@ def _of_plant(rig: Any) -> dict[str, Any]:
         )
     plant_file = resolve("plants.plant_file")
     default = {name: fields[name].default for name in plant_file.PARTS}
-    with asked_for_by(f"{rig.origin}: the plant"):
+    with error_context(f"{rig.origin}: the plant"):
         own = {name: getattr(rig, name) for name in plant_file.PARTS}
         taken = plant_file.agreed(rig.own_plant, own, default)
     found: dict[str, Any] = taken
@@ -150,23 +150,23 @@ def check_whole(rig: Any) -> None:
     if rig.preset is not None:
         rig.loaded_law.preset(rig.preset)
     if rig.gains:
-        with asked_for_by(f"{rig.origin}: control.gains" if Path(rig.origin).suffix else "Rig: gains"):
+        with error_context(f"{rig.origin}: control.gains" if Path(rig.origin).suffix else "Rig: gains"):
             resolve("rig.laws:check_gains")(rig)
     if rig.emg.source is not None:
         _ = rig.emg_run
     if rig.suit.worn:
-        with asked_for_by(f"{rig.origin}: [suit] or [wearer]"):
+        with error_context(f"{rig.origin}: [suit] or [wearer]"):
             _ = rig.worn
     if rig.admittance.enabled:
-        with asked_for_by(f"{rig.origin}: [admittance]"):
+        with error_context(f"{rig.origin}: [admittance]"):
             _ = rig.pushing
     if not rig.motors:
         refuse_idle(rig)
     if rig.joint_sensor.estimated:
-        with asked_for_by(f"{rig.origin}: [joint_sensor]"):
+        with error_context(f"{rig.origin}: [joint_sensor]"):
             resolve("rig.joint_sensor:check")(rig.joint_sensor, rig.sample_time, rig.limits.joint_std)
     if not rig.motors and rig.brake.there:
-        with asked_for_by(f"{rig.origin}: [brake]"):
+        with error_context(f"{rig.origin}: [brake]"):
             resolve("rig.drive:check_brake")(rig)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from bowden.control.reference import Trajectory
 from bowden.core import arguments
-from bowden.core.errors import ParameterError, asked_for_by, near
+from bowden.core.errors import ParameterError, error_context, near
 from bowden.core.guesses import Answering, answering
 from bowden.core.part import signed
 from bowden.core.registry import Derived, resolve
@@ -173,7 +173,7 @@ class Rig(metaclass=Answering):
     """The file that it was read from, for messages."""
     remarks: tuple[str, ...] = field(default=(), compare=False)
     """What the user should know about how the file was understood."""
-    stands_for: str = field(default="", init=False, compare=False)
+    original_hash: str = field(default="", init=False, compare=False)
     """Hash of the rig of which this one is only another form, `offline`."""
 
     def __new__(cls, *given: Any, **named: Any) -> "Rig":
@@ -206,7 +206,7 @@ class Rig(metaclass=Answering):
     def _of_values(cls, values: dict[str, Any]) -> "Rig":
         motors = []
         for name, own, joint in values.get("motors", ()):
-            with asked_for_by(f"motor {quoted(name)}"):
+            with error_context(f"motor {quoted(name)}"):
                 motors.append(RigMotor(name, cls(**own), joint))
         return cls(**{**values, "motors": tuple(motors)})
 
@@ -409,7 +409,7 @@ class Rig(metaclass=Answering):
         """
         _ = self.only()
         run, whole = self.emg_run, arguments.flag(whole, "Rig.offline: whole")
-        if run is None or self.stands_for:
+        if run is None or self.original_hash:
             return self
         motion = resolve("hardware.emg.recorded:recorded")(run, self.sample_time)
         if motion is None:
@@ -421,7 +421,7 @@ class Rig(metaclass=Answering):
     def _in_place_of(self, **changes: Any) -> "Rig":
         """Another form of this rig, under its hash."""
         made = self.replace(**changes)
-        object.__setattr__(made, "stands_for", self.hash)
+        object.__setattr__(made, "original_hash", self.hash)
         return made
 
     @property
@@ -446,7 +446,7 @@ class Rig(metaclass=Answering):
     @cached_property
     def hash(self) -> str:
         """A short name of the rig: equal ones have the same, whether they come from Python or a file."""
-        return self.stands_for or resolve("rig.packing:digest")(self.compared)
+        return self.original_hash or resolve("rig.packing:digest")(self.compared)
 
     def __hash__(self) -> int:
         return hash(self.hash)

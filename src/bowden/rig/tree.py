@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from bowden.control.recorded_motion import RecordedFile, RecordedMotion
 from bowden.control.reference import Trajectory
-from bowden.core.errors import ParameterError, article, asked_for_by
+from bowden.core.errors import ParameterError, article, error_context
 from bowden.core.quantity import declared
 from bowden.core.registry import resolve
 from bowden.core.toml_text import quoted
@@ -96,7 +96,7 @@ def _values_of_motors(tree: Mapping[str, Any], path: Path, keep: Mapping[str, An
     known = {one.name: one.rig.fields for one in keep.get("motors", ())}
     found = []
     for name, whole, joint in each:
-        with asked_for_by(f"motor {quoted(name)}"):
+        with error_context(f"motor {quoted(name)}"):
             found.append((name, values_of(whole, path, known.get(name)), joint))
     joints = _joints(tree, path)
     return values_of(common, path, keep, whole=False) | {
@@ -150,15 +150,15 @@ def _cable(section: Any, path: Path, before: Any) -> Any:
 def _plant(section: Any, path: Path, before: Any) -> Any:
     if section.plant is None:
         return None
-    with asked_for_by(f"{path}: cable.plant"):
+    with error_context(f"{path}: cable.plant"):
         found = resolve("plants.plant_file:PlantFile").again(section.plant, path.parent, before)
-    with asked_for_by(f"{path}: cable.parameters"):
+    with error_context(f"{path}: cable.parameters"):
         return found.with_parameters(section.parameters)
 
 
 def _reference(section: Any, path: Path, before: Any) -> Trajectory:
     part = REFERENCES[section.kind]
-    with asked_for_by(f"{path}: reference"):
+    with error_context(f"{path}: reference"):
         said: Any = value_of(part.kind, section.model_dump())
         if not isinstance(said, RecordedFile):
             found: Trajectory = before if said == before else said

@@ -136,8 +136,8 @@ class Fault(IntEnum):
                      "new one is armed")
     EMG_LOST = (R2, R2, 0.004, "EMG lost",
                 "newest sample older than emg_age, or a bad signal while the joint is not at rest",
-                "no samples: look at the program that sends, its base station and network, and at this computer's "
-                "load; a bad signal: look at the electrodes; then arm again")
+                "no samples: look at the program that sends, its base station and network, and at this computer; "
+                "a bad signal: look at the electrodes; then begin again")
     NOT_DISABLED = (R3, R3, 0.004, "drive keeps its torque",
                     "for disable_time after power off: its state has torque, |current| > released_current, or, where "
                     "that is not known, the motor pulls at 1 rad/s",

@@ -40,8 +40,9 @@ DRIVE_INTEGRAL = 25.0
 """k_i of a drive whose position loop has an integral, with which our law runs: 12 dB below that loop's limit, which is
 2·ζ·ω = 107 1/s [1/s]."""
 FRICTION_FEEDFORWARD = 2.79
-"""What our stack's drive pushes against friction: 0.7 of the 3.99 N·m that the uncompensated run shows
-(`bowden.identify.suit_friction`), so that it is no more than there is where friction is 30 % less [N·m]."""
+"""What our stack's drive pushes against friction: 0.7 of the 3.99 N·m that the uncompensated run shows (half of what
+its torques up and down differ by at one angle), so that it is not more than there is where friction is 30 % less
+[N·m]."""
 
 
 NO_BRAKE = HoldingBrake()

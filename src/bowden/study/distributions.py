@@ -17,7 +17,7 @@ Value = float | int | str
 
 @dataclass(frozen=True)
 class Distribution:
-    """How a parameter is spread over the runs."""
+    """Distribution of a parameter over the runs."""
 
     kind: str
     """A key of `KINDS`."""
@@ -138,7 +138,7 @@ WANTED: dict[str, str] = {
     "choice": "a list with one value or more",
     "fixed": "one number",
 }
-"""What each of them takes."""
+"""Parameters of each of them."""
 
 
 def describe(one: Distribution) -> dict[str, Any]:

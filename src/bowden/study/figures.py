@@ -44,7 +44,7 @@ MOVING = (
 
 @dataclass(frozen=True)
 class LawFigures(LawCampaign):
-    """What one law did, with what is drawn of it."""
+    """Figures of one law, with its curves."""
 
     _: KW_ONLY
     quantiles: dict[str, Array] = field(default_factory=dict)
@@ -66,7 +66,7 @@ def wilson(count: int, of: int) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Summary:
-    """What a campaign shows."""
+    """Summary of a campaign."""
 
     study: str
     """A hash of all that the rows depend on."""

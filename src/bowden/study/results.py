@@ -7,7 +7,7 @@ from bowden.core.documented import Documented
 
 @dataclass(frozen=True)
 class FigureSpread(Documented):
-    """How a figure is spread over the runs that have it."""
+    """Spread of a figure over the runs that have it."""
 
     count: int
     """Runs that have it."""
@@ -34,7 +34,7 @@ class WorstRun(Documented):
 
 @dataclass(frozen=True)
 class ParameterShare(Documented):
-    """What a drawn parameter does to the error."""
+    """Effect of a drawn parameter on the error."""
 
     parameter: str
     rank_correlation: float | None
@@ -44,7 +44,7 @@ class ParameterShare(Documented):
     chance_share: float | None
     """Share below which 95 % of the parameters stay that change nothing, with as many runs; null likewise [1]."""
     above_chance: bool
-    """Whether the share is more than that."""
+    """True if the share is more than that."""
 
     @property
     def share(self) -> float:
@@ -54,7 +54,7 @@ class ParameterShare(Documented):
 
 @dataclass(frozen=True)
 class LawCampaign(Documented):
-    """What one law did over all plants."""
+    """Figures of one law over all plants."""
 
     law: str
     """Its name."""
@@ -82,7 +82,7 @@ class LawCampaign(Documented):
 
 @dataclass(frozen=True)
 class PlantsSpread(Documented):
-    """What gains make of plants."""
+    """Figures of gains over plants."""
 
     runs: int
     unstable: int

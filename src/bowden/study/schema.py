@@ -15,7 +15,7 @@ _Word = float | int | str
 
 
 class DistributionSection(Section):
-    """How a parameter is spread over the runs: one of the kinds; a plain number is short for fixed."""
+    """Distribution of a parameter over the runs: one of the kinds; a plain number is short for fixed."""
 
     uniform: list[_Number] | None = _key(None, "[low, high], even between them", examples=[[0.6, 1.2]])
     log_uniform: list[_Number] | None = _key(None, "[low, high], even in the logarithm", examples=[[2.0, 20.0]])

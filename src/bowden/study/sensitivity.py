@@ -25,7 +25,7 @@ _BINS, _IN_BIN = 20, 10
 
 
 def sensitivity(name: str, parameter: Array, figure: Array, *, ordered: bool = True) -> ParameterShare:
-    """How a figure depends on a parameter.
+    """Sensitivity of a figure to a parameter.
 
     Args:
         name: of the parameter.

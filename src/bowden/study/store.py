@@ -195,7 +195,7 @@ def _hash(identity: Mapping[str, Any]) -> str:
 
 
 def _fewer(there: Any, here: Mapping[str, Any]) -> bool:
-    """Whether a study differs from another one in that it has fewer runs, and in nothing else."""
+    """True if a study differs from another one in that it has fewer runs, and in nothing else."""
     if not isinstance(there, dict) or not isinstance(there.get("runs"), int) or "runs" not in here:
         return False
     return there["runs"] < here["runs"] and {**there, "runs": here["runs"]} == here
@@ -224,7 +224,7 @@ def _table(path: Path, studies: Collection[str], chunk: int) -> "pa.Table":
 
 
 def differences(there: Any, here: Any, key: str = "") -> list[str]:
-    """What differs between two JSON values, at most three things.
+    """Differences between two JSON values, at most three.
 
     >>> differences({"seed": 1, "laws": ["a"]}, {"seed": 2, "laws": ["a"]})
     ['seed was 1 and is 2']

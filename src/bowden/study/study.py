@@ -165,7 +165,7 @@ class Study:
 
     @property
     def worn(self) -> bool:
-        """Whether the plants are suits on wearers, in place of benches."""
+        """True if the plants are suits on wearers, in place of benches."""
         return self.rig.suit.worn
 
     def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:

@@ -262,7 +262,7 @@ def _instead(rig: Rig, law: Law, error: NoGainsError) -> NoGainsError:
 
 
 def _follows_better(other: OtherLaw, own: OtherLaw) -> bool:
-    """Whether another law's error is smaller, and it holds if the rig's own does."""
+    """True if another law's error is smaller, and it holds if the rig's own does."""
     return other.rmse_deg < own.rmse_deg and (other.verdict == "holds" or own.verdict != "holds")
 
 

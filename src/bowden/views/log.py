@@ -37,6 +37,8 @@ def lines(found: LogFacts) -> Iterator[tuple[str, str]]:
     yield "begun", found.start_utc
     if found.begin_s:
         yield "first cycle", f"{found.begin_s:.3f} s later, by the column time; counted from here on below"
+    if found.running_s is not None:
+        yield "running", f"from {found.running_s - (found.begin_s or 0.0):.3f} s on, once armed and told to run"
     yield "duration", f"{found.duration_s:.3f} s, {found.cycles} cycles"
     yield "missing", counted(found.missing, "cycle") if found.missing else "nothing"
     yield "closed properly", "yes" if found.closed else "no"
@@ -80,7 +82,7 @@ def lines(found: LogFacts) -> Iterator[tuple[str, str]]:
 
 
 def show_log_recover(found: LogRecovered, call: Call) -> None:
-    """What could be saved, and what may be missing."""
+    """Show what was saved, and what may be missing."""
     print(f"{found.files[0]}: {found.rows} cycles")
     if found.missing:
         print(f"missing before the last of them: {found.missing} cycles, {found.missing_seconds:.3f} s")
@@ -139,7 +141,7 @@ def show_log_plot(found: LogDrawn, call: Call) -> None:
 
 
 def show_log_replay(found: LogReplay, call: Call) -> None:
-    """How each motor compares."""
+    """Show the comparison of each motor."""
     for one in found.motors or (found,):
         if one.motor:
             print(f"motor {one.motor}")

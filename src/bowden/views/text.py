@@ -11,7 +11,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Call:
-    """How an operation was called."""
+    """Call of an operation."""
 
     given: dict[str, Any]
     """Parameter → value, of the operation and of what writes its files."""

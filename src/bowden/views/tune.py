@@ -87,5 +87,6 @@ def _evidence(found: TuneResult) -> list[str]:
         f"{' and '.join(margins) or no_margins(tuning.found)}",
         f"largest RMSE over {tuning.runs}: {found.worst_rmse_deg:.3g}° (before: {before})",
         *([found.short] if found.short else []),
+        *found.at_bounds,
         *([] if tuning.study is None else [study_text(tuning.study, when) for when in ("after", "before")]),
     ]

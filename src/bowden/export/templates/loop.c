@@ -172,6 +172,8 @@ void loop_cycle(const double lateness, const double elapsed)
     cycle.time += elapsed;
     cycle.seen.joint = ([[name]]_real)sample.joint;
     cycle.seen.motor = ([[name]]_real)sample.motor;
+    cycle.seen.joint_age = ([[name]]_real)sample.joint_age;
+    cycle.seen.joint_std = ([[name]]_real)sample.joint_std;
     cycle.reference.position = cycle.reference.velocity = cycle.reference.acceleration = NAN;
     cycle.requested_target = supervisor.target;
     cycle.source = 0;

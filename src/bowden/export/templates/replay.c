@@ -84,7 +84,12 @@ static int table(FILE *in, int print)
         if (!(source >= 2.0)) {
             continue;
         }
-        const [[name]]_Sample sample = {([[name]]_real)row[JOINT], ([[name]]_real)row[MOTOR]};
+        const [[name]]_Sample sample = {
+            .joint = ([[name]]_real)row[JOINT],
+            .motor = ([[name]]_real)row[MOTOR],
+            .joint_age = ([[name]]_real)NAN,
+            .joint_std = ([[name]]_real)NAN, /* of an encoder */
+        };
         const [[name]]_Reference reference = {
             ([[name]]_real)row[POSITION], ([[name]]_real)row[VELOCITY], ([[name]]_real)row[ACCELERATION]
         };

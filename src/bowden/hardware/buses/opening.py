@@ -69,7 +69,10 @@ def putter(bus: can.BusABC, *, fd: bool) -> Callable[[int, bytes], None]:
         bus: open.
         fd: whether frames go out as those of CAN-FD, with their data at the higher bit rate.
     """
-    if type(bus) is UnixBus or isinstance(bus, SerialBus):
+    if isinstance(bus, UnixBus | SerialBus) and type(bus).send in (
+        UnixBus.send,
+        SerialBus.send,
+    ):  # and not one that sends otherwise
         return bus.put
     made: dict[int, can.Message] = {}  # one for each identifier: to make one takes longer than to fill it
 

@@ -213,7 +213,7 @@ class PacketReader:
                 return found
             self.garbled, noise = self.garbled + noise, False
             number, said = taken
-            if number == ALL and said[0] == STATUS:
+            if self._packets.fast and number == ALL and said[0] == STATUS:
                 found += _apart(said, length)
             else:
                 found.append(taken)

@@ -15,7 +15,7 @@ class BusPlace(NamedTuple):
     bitrate: int
     """[bit/s]"""
     fd: bool = False
-    """Whether frames of CAN-FD go over it."""
+    """True if frames of CAN-FD go over it."""
     data_bitrate: int = 5_000_000
     """Of their data [bit/s]."""
     packets: str = ""

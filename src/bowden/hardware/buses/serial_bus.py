@@ -14,6 +14,7 @@ from typing import Any
 import can
 
 from bowden.core.errors import DriveError
+from bowden.core.extras import extra_module
 from bowden.hardware.buses.packets import PROTOCOLS, Instruction, PacketReader
 from bowden.hardware.buses.place import ERROR
 from bowden.hardware.buses.unix_bus import bus_folder, flagged, message_of
@@ -96,12 +97,7 @@ class SerialBus(can.BusABC):
 
 
 def _opened(port: str, bitrate: int) -> Any:
-    try:
-        import serial
-    except ImportError as error:
-        raise DriveError(
-            "serial servos need the package pyserial, which is not installed", do="pip install 'bowden[serial]'"
-        ) from error
+    serial = extra_module("serial", "serial", "a serial servo")
     twin = Path(port).name == "port"
     try:
         line = serial.Serial(port, bitrate, timeout=0, write_timeout=0, exclusive=True)

@@ -18,12 +18,12 @@ import time
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
-from bowden.hardware.buses.place import REMOTE
+from bowden.hardware.buses.place import EXTENDED, REMOTE
 from bowden.hardware.drives import ak_frames as frames
 from bowden.hardware.drives.checklist import Conversation, Found, data_of, joined, refuse_torque
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.families import ak_mit
-from bowden.hardware.drives.families.ak_mit import AkParameters, model_of, motor_scale, reply_id
+from bowden.hardware.drives.families.ak_mit import UPLOAD, AkParameters, command_id, model_of, motor_scale, reply_id
 from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
 from bowden.hardware.drives.on_can import place
 from bowden.hardware.drives.scale import LimitedRange, bounded_torque, motor_limits, nearest
@@ -59,6 +59,7 @@ class AkDrive(Driver):
 
     def _prepare(self) -> None:
         self._model, self._reply_id = model_of(self._drive), reply_id(self._drive)
+        self._v3, self._command_id = self._drive.board == "v3", command_id(self._drive)
         self._scale, self._first = motor_scale(self._drive), math.nan
         self._range = LimitedRange(2.0 * frames.HIGHEST_POSITION)
         self.turn = 2.0 * math.pi / self._model.gear
@@ -66,7 +67,7 @@ class AkDrive(Driver):
 
     def _find(self, port: BusPort) -> Found:
         drive = self._drive
-        bus = Conversation(port, drive.node_id, lambda *frame: self._is_foreign(*frame) or self._is_it(*frame))
+        bus = Conversation(port, drive.node_id, self._is_others)
         bus.listen(LISTENING)
         first = self._replied(bus)
         if abs(first.torque) > STRAIN * self._model.torque:
@@ -91,11 +92,16 @@ class AkDrive(Driver):
             ak_mit.check_range(drive, scale, "as it counts them now")
         except ParameterError as error:
             raise DriveError(error.what, expected=error.expected, do=error.do) from error
-        who = f"{drive.model} in MIT mode at {bus.name}, with a CAN timeout of {1e3 * drive.watchdog:g} ms by [drive], "
-        who += "which no frame shows" + (f"; in fault, {frames.error_text(last.error)}" if last.error else "")
+        who = f"{drive.model}{', board V3,' if self._v3 else ''} in MIT mode at {bus.name}, with a CAN timeout of "
+        who += f"{1e3 * drive.watchdog:g} ms by [drive], which no frame shows"
+        who += f"; in fault, {frames.error_text(last.error)}" if last.error else ""
         self._first = last.position
         state = DriveState.FAULT if last.error else DriveState.SWITCH_ON_DISABLED
         return Found(who, scale, None, motor_limits(drive, scale), state, last.error, "")
+
+    def _is_others(self, identifier: int, data: bytes) -> bool:
+        """Whether a frame that comes before we have said anything is of another master, or an answer to one."""
+        return self._is_foreign(identifier, data) or (not self._v3 and self._is_it(identifier, data))
 
     def _replied(self, bus: Conversation) -> frames.AkReply:
         """Tell the drive to leave motor mode, in which it should not be, and take its reply.
@@ -104,11 +110,12 @@ class AkDrive(Driver):
             DriveError: none, or one without an error code.
         """
         drive = self._drive
+        order = self._command_id, self._pack(_LIMP) if self._v3 else frames.EXIT
         for _ in range(2):
-            data = bus.ask((drive.node_id, frames.EXIT), drive.answer_timeout, data_of(self._reply_id), 1)
+            data = bus.ask(order, drive.answer_timeout, data_of(self._reply_id), 1)
             if data is None:
                 continue
-            reply = frames.unpack_reply(data, self._model)
+            reply = self._unpack(data)
             if reply is None:
                 raise DriveError(
                     f"{bus.name} replies with {len(data)} bytes",
@@ -117,6 +124,21 @@ class AkDrive(Driver):
                 )
             if reply.number == drive.node_id:
                 return reply
+        if self._v3:
+            raise DriveError(
+                f"no board V3 tells its state as {bus.name}",
+                expected=f"frames {self._reply_id & ~EXTENDED:X}h, {ak_mit.UPLOADS:g} a second",
+                do="switch the drive on; check cable and bit rate; set its number and CAN feedback rate with its "
+                "maker's tool, or board in [drive]",
+            )
+        upload = EXTENDED | UPLOAD << 8 | drive.node_id
+        if bus.wait(drive.answer_timeout, data_of(upload)) is not None:
+            raise DriveError(
+                f"{bus.name} uploads its state by itself (frames {upload & ~EXTENDED:X}h): it is in servo mode, or "
+                "is a board V3",
+                expected="a board V1 or V2 in MIT mode",
+                do='set MIT mode with its maker\'s tool; or board = "v3" in [drive]',
+            )
         raise DriveError(
             f"no drive replies as {bus.name}",
             expected=f"an AK drive in MIT mode, whose replies have the identifier {self._reply_id:03X}h",
@@ -125,14 +147,19 @@ class AkDrive(Driver):
         )
 
     def _concerns(self, identifier: int) -> bool:
-        return identifier in (self._drive.node_id, self._reply_id)
+        number = self._drive.node_id
+        if self._v3:
+            return bool(identifier & EXTENDED) and identifier & 0xFF == number
+        return identifier in (number, self._reply_id, EXTENDED | UPLOAD << 8 | number)
 
     def _is_it(self, identifier: int, data: bytes) -> bool:
         """Whether a frame is a reply of this drive."""
-        return identifier == self._reply_id and len(data) == 8 and data[0] == self._drive.node_id
+        return identifier == self._reply_id and len(data) == 8 and (self._v3 or data[0] == self._drive.node_id)
 
     def _is_foreign(self, identifier: int, data: bytes) -> bool:
         plain = identifier & ~REMOTE
+        if self._v3:  # whatever its mode, an order to it of anybody
+            return bool(plain & EXTENDED) and plain & 0xFF == self._drive.node_id and plain >> 8 & 0xFF <= 8
         cut = 0 < len(data) < 8 and data[0] == self._drive.node_id  # of a reply, since no drive obeys so few bytes
         return plain == self._drive.node_id and not self._is_it(identifier, data) and not cut
 
@@ -151,7 +178,7 @@ class AkDrive(Driver):
     def _take(self, identifier: int, data: bytes, now: float) -> bool:
         if not self._is_it(identifier, data):
             return False
-        reply = frames.unpack_reply(data, self._model)
+        reply = self._unpack(data)
         if reply is not None:
             self._take_reply(reply, now)
         return True
@@ -163,9 +190,9 @@ class AkDrive(Driver):
     def _take_reply(self, reply: frames.AkReply, now: float) -> None:
         """A reply of the drive."""
         drive, readings = self._drive, self._readings
-        if self._unanswered == 0:
+        if self._unanswered == 0 and not self._v3:
             readings.foreign += 1.0  # it answers somebody else
-        self._unanswered = max(0, self._unanswered - 1)
+        self._unanswered = 1 if self._v3 else max(0, self._unanswered - 1)
         self._until_off = max(0, self._until_off - 1)
         readings.replied_at = now
         if self._lost:
@@ -246,7 +273,7 @@ class AkDrive(Driver):
         It has no quick stop: that is power off.
         """
         if self._entered:
-            self._order(frames.pack_command(_LIMP, self._model))
+            self._order(self._pack(_LIMP))
             self._until_off = self._unanswered + 1
         self._entered, self._expected = False, 0.0
         self._order(frames.EXIT)
@@ -255,21 +282,34 @@ class AkDrive(Driver):
         """A command; what the drive should make of it is kept."""
         held = max(ak_mit.ROOM - frames.HIGHEST_POSITION, min(frames.HIGHEST_POSITION - ak_mit.ROOM, position))
         self._expected = stiffness * (held - self._position) - damping * self._speed + torque
-        self._order(frames.pack_command(frames.AkCommand(held, 0.0, stiffness, damping, torque), self._model))
+        self._order(self._pack(frames.AkCommand(held, 0.0, stiffness, damping, torque)))
 
     def _tell_off(self, number: int) -> None:
         """The order to leave motor mode; before the first one, once, no gains."""
         if number == 0:
-            self._order(frames.pack_command(_LIMP, self._model))
+            self._order(self._pack(_LIMP))
         self._order(frames.EXIT)
 
     def _torque_told(self, identifier: int, data: bytes) -> bool | None:
-        reply = frames.unpack_reply(data, self._model) if self._is_it(identifier, data) else None
+        reply = self._unpack(data) if self._is_it(identifier, data) else None
         return None if reply is None else abs(reply.torque) > STRAIN * self._model.torque
 
+    def _pack(self, command: frames.AkCommand) -> bytes:
+        return (frames.pack_command_v3 if self._v3 else frames.pack_command)(command, self._model)
+
+    def _unpack(self, data: bytes) -> frames.AkReply | None:
+        if not self._v3:
+            return frames.unpack_reply(data, self._model)
+        return frames.unpack_state_v3(data, self._drive.node_id, self._model, ak_mit.torque_per_ampere(self._drive))
+
     def _order(self, data: bytes) -> None:
-        self._unanswered = min(MOST_UNANSWERED, self._unanswered + 1)
-        self._send(self._drive.node_id, data)
+        """A command; of a V3, which has no other order, those that are one go out as a command without gains."""
+        if self._v3 and data in (frames.ENTER, frames.EXIT):
+            if data == frames.ENTER:
+                return
+            data = self._pack(_LIMP)
+        self._unanswered = 1 if self._v3 else min(MOST_UNANSWERED, self._unanswered + 1)
+        self._send(self._command_id, data)
 
 
 HIGHEST = 0x7F

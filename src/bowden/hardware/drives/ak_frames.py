@@ -7,10 +7,22 @@
 A field of n bits holds a value from its range's lower to its upper end, code = (value − low)·(2ⁿ − 1)/(high − low);
 beyond an end a position begins again at the other one. Three commands are none: seven bytes FFh, and FCh, FDh or FEh.
 
+Boards of V3 have other frames, of the extended format, and no order to enter or leave a mode: torque is what the last
+command says. They tell their state by themselves, up to 500 times a second, as any board does in servo mode:
+
+    command   8 · 256 + number      kp 12, kd 12, position 16, velocity 12, torque 12 bits
+    state     29h · 256 + number    position 16 [0.1°], speed 16 [10 electrical rev/min], current 16 [0.01 A],
+                                    temperature 8, error code 8
+
+Source of V3: CubeMars, "AK Series Module Product Manual" V3.0.0, 4.2 and 4.3.1, as naubiomech/OpenExo (`Motor.cpp`)
+has it. Whether its torque is in N·m or in A the manual says both ways: none is sent.
+
 Source: CubeMars, "AK Series Actuator Driver Manual" V1.0.8, chapter 5.3, pages 48 to 50: codes, layout and the table of
 ranges; page 39 for the error codes. Where it contradicts itself or later editions: docs/background/drives.md.
 """
 
+import math
+import struct
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -29,6 +41,7 @@ ERRORS: Mapping[int, str] = {
     4: "under-voltage",
     5: "encoder",
     6: "phase currents unbalanced: the hardware may be damaged",
+    7: "motor locked (V3)",
 }
 """Error code of a reply → what the manual says of it."""
 
@@ -47,6 +60,8 @@ class AkModel(NamedTuple):
     """Either way, at the output shaft [rad/s]."""
     torque: float
     """Either way, at the output shaft [N·m]."""
+    pole_pairs: int = 21
+    """Of the motor; V3 tells its electrical speed."""
 
 
 MODELS: Mapping[str, AkModel] = {
@@ -58,6 +73,16 @@ MODELS: Mapping[str, AkModel] = {
     "AK80-64": AkModel(64.0, 8.0, 144.0),
 }
 """Name → its ranges: manual V1.0.8, page 50; the AK80-64 stands there as AK80-80, by its older name."""
+
+
+MODELS_V3: Mapping[str, AkModel] = {
+    "AK10-9": AkModel(9.0, 28.0, 54.0),
+    "AK60-6": AkModel(6.0, 60.0, 12.0, 14),
+    "AK80-9": AkModel(9.0, 65.0, 18.0),
+}
+"""The same of boards V3: manual V3.0.0, 4.2."""
+HIGHEST_POSITION_V3 = 12.56
+"""[rad]"""
 
 
 class AkCommand(NamedTuple):
@@ -90,7 +115,7 @@ class AkReply(NamedTuple):
     """The byte as it came."""
     error: int
     at_end: bool
-    """Whether the position's field stands at one of its ends, and says nothing of where the motor is."""
+    """True if the position's field stands at one of its ends, and says nothing of where the motor is."""
 
 
 def pack_command(command: AkCommand, model: AkModel) -> bytes:
@@ -159,3 +184,58 @@ def _code(value: float, low: float, high: float, bits: int) -> int:
 
 def _value(code: int, low: float, high: float, bits: int) -> float:
     return low + code * (high - low) / ((1 << bits) - 1)
+
+
+def pack_command_v3(command: AkCommand, model: AkModel) -> bytes:
+    """A command to a board V3, without its torque."""
+    end = HIGHEST_POSITION_V3
+    bits = _code(command.kp, 0.0, HIGHEST_KP, 12) << 52 | _code(command.kd, 0.0, HIGHEST_KD, 12) << 40
+    bits |= _code(command.position + 1e-9, -end, end, 16) << 24  # so that 0 is not just below a half
+    bits |= _code(command.velocity, -model.velocity, model.velocity, 12) << 12 | 0x800
+    return bits.to_bytes(8, "big")
+
+
+def unpack_command_v3(data: bytes, model: AkModel) -> AkCommand | None:
+    """A command; None of anything but eight bytes."""
+    if len(data) != 8:
+        return None
+    bits, end = int.from_bytes(data, "big"), HIGHEST_POSITION_V3
+    return AkCommand(
+        _value(bits >> 24 & 0xFFFF, -end, end, 16),
+        _value(bits >> 12 & 0xFFF, -model.velocity, model.velocity, 12),
+        _value(bits >> 52, 0.0, HIGHEST_KP, 12),
+        _value(bits >> 40 & 0xFFF, 0.0, HIGHEST_KD, 12),
+        _value(bits & 0xFFF, -model.torque, model.torque, 12),
+    )
+
+
+def _speed_step(model: AkModel) -> float:
+    """Of a count of the speed, at the output shaft [rad/s]."""
+    return 10.0 * 2.0 * math.pi / 60.0 / (model.pole_pairs * model.gear)
+
+
+def pack_state_v3(state: AkReply, model: AkModel, torque_per_ampere: float) -> bytes:
+    """What a board V3 tells by itself; each value within its range."""
+    values = (
+        math.degrees(state.position) / 0.1,
+        state.velocity / _speed_step(model),
+        state.torque / torque_per_ampere / 0.01,
+    )
+    counts = (max(-32000, min(32000, round(value))) for value in values)
+    return struct.pack(">hhhbB", *counts, max(-128, min(127, state.temperature)), state.error)
+
+
+def unpack_state_v3(data: bytes, number: int, model: AkModel, torque_per_ampere: float) -> AkReply | None:
+    """The same of eight bytes; None of any other number of them."""
+    if len(data) != 8:
+        return None
+    position, speed, current, temperature, error = struct.unpack(">hhhbB", data)
+    return AkReply(
+        number,
+        math.radians(0.1 * position),
+        _speed_step(model) * speed,
+        torque_per_ampere * 0.01 * current,
+        temperature,
+        error,
+        abs(position) >= 32000,
+    )

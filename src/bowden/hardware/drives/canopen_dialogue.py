@@ -54,7 +54,7 @@ class Dialogue:
         self.number, self.name = node_id, self.bus.name
         """The node's."""
         self.booted = False
-        """Whether the node has started again."""
+        """True if the node has started again."""
         self.emergencies: list[int] = []
         """Error codes of the node, in their order."""
         self.transmitted = 0
@@ -102,7 +102,7 @@ class Dialogue:
         self.bus.port.send_now(cob_id, data)
 
     def answers(self) -> bool:
-        """Whether the node answers at all; one that NMT has stopped, or that is not there, does not."""
+        """True if the node answers at all; one that NMT has stopped, or that is not there, does not."""
         try:
             self._upload(0x1000, 0)
         except SdoAbortedError:
@@ -291,7 +291,7 @@ class Dialogue:
             raise DriveError(f"{self.name} keeps {index:04X}h:{sub} at {kept}", expected=f"{written}, as written")
 
     def becomes(self, index: int, sub: int, value: int) -> bool:
-        """Whether a signed object has a value, or takes it within the time of an answer.
+        """True if a signed object has a value, or takes it within the time of an answer.
 
         Raises:
             DriveError: no answer, a refusal, or no such object.
@@ -307,7 +307,7 @@ class Dialogue:
         return sorted(self._nodes - {self.number})
 
     def reaches(self, state: int, patience: int = 3) -> bool:
-        """Whether one of the next heartbeats has that NMT state."""
+        """True if one of the next heartbeats has that NMT state."""
 
         def beat(identifier: int, data: bytes) -> int | None:
             return frames.unpack_heartbeat(data) if identifier == frames.HEARTBEAT + self.number else None

@@ -51,7 +51,7 @@ _TPDO2, _TPDO2_SHORT, _EMERGENCY = struct.Struct("<ihh"), struct.Struct("<ih"), 
 
 
 class Motion(NamedTuple):
-    """What TPDO 1 carries."""
+    """Content of TPDO 1."""
 
     statusword: int
     position: int
@@ -61,7 +61,7 @@ class Motion(NamedTuple):
 
 
 class Sensors(NamedTuple):
-    """What TPDO 2 carries."""
+    """Content of TPDO 2."""
 
     joint: int
     """[counts]"""

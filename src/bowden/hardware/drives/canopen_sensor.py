@@ -35,12 +35,12 @@ def identifiers_of_node(node_id: int, key: str) -> dict[int, str]:
 
 
 class SensorKind(NamedTuple):
-    """What a sensor is, for its bring-up and its messages."""
+    """Kind of a sensor, for its bring-up and its messages."""
 
     what: str
     """``the joint's encoder``"""
     value: str
-    """What it measures: ``its position``."""
+    """Quantity that it measures: ``its position``."""
     profile: int
     """Low word of 1000h."""
     kinds: tuple[int, ...]
@@ -121,7 +121,7 @@ def start(
 
 
 class SensorHealth:
-    """Whether what a device sends may be believed; `begin` once, then `take` for each of its frames.
+    """Validity of the frames of a device; `begin` once, then `take` for each of its frames.
 
     Args:
         node_id: of the device.
@@ -155,5 +155,5 @@ class SensorHealth:
         return False
 
     def good(self, now: float) -> bool:
-        """Whether it is operational, in no emergency, and not silent, at `now` [s]."""
+        """True if it is operational, in no emergency, and not silent, at `now` [s]."""
         return self._operational and not self._failed and now - self._beat <= MOST_SILENCE

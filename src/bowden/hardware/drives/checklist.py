@@ -35,10 +35,10 @@ Said = TypeVar("Said")
 
 
 class Found(NamedTuple):
-    """What bring-up learnt of a drive."""
+    """Result of a bring-up."""
 
     identity: str
-    """Who it is, in one line."""
+    """Identity of the drive, in one line."""
     motor: Scale | SuitScale
     joint: Scale | None
     """Of the joint's encoder at the drive; None where it is a device of its own."""
@@ -149,23 +149,23 @@ def joined(bus: BusPlace, node: int, links: Links) -> Iterator[BusPort]:
 
 
 def refuse_torque(name: str, state: str, do: str) -> DriveError:
-    """Why a drive is not touched that runs already, in a `state`."""
+    """Error for a drive that already has torque, in a `state`."""
     return DriveError(f"{name} runs already: it is in {state}", expected="a drive without torque", do=do)
 
 
 class Setting(NamedTuple):
-    """What a setting of the drive must be."""
+    """Requirement on a setting of the drive."""
 
     name: str
     fine: Callable[[float], bool]
     expected: str
     why: str = ""
-    """What it would be otherwise."""
+    """Consequence of another value."""
     do: str = ""
 
 
 def is_about(value: float, same: float = 0.0) -> Callable[[float], bool]:
-    """Whether a setting is a value, but for a share `same` of it."""
+    """Test that a setting equals a value within a relative tolerance `same`."""
     return lambda found: abs(found - value) <= same * abs(value)
 
 

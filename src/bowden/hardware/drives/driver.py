@@ -32,7 +32,7 @@ class Readings:
         self.motor = self.joint = self.current = self.tension = self.temperature = self.joint_torque = math.nan
         self.motor_age = self.joint_age = math.inf
         self.error = 0
-        """What the drive reported last; 0 for none."""
+        """Last error that the drive reported; 0 for none."""
         self.emergency = self.foreign = 0.0
         """What is wrong in this cycle; frames in it that nobody but this host may send."""
         self.replied_at = self.sampled = math.nan
@@ -97,7 +97,7 @@ class Driver(ABC):
     """
 
     synced: ClassVar[bool] = False
-    """Whether the drive itself waits for a SYNC in each cycle."""
+    """True if the drive itself waits for a SYNC in each cycle."""
     turn: float = math.inf
     """Of the motor, in the drive's unit; infinite of a drive that cannot lose count of turns."""
     most_counts: float = math.inf
@@ -124,7 +124,7 @@ class Driver(ABC):
 
     @abstractmethod
     def _concerns(self, identifier: int) -> bool:
-        """Whether a frame is of this drive, or one that only its host may send."""
+        """True if a frame is of this drive, or one that only its host may send."""
 
     @abstractmethod
     def _find(self, port: BusPort) -> Found:
@@ -140,7 +140,7 @@ class Driver(ABC):
 
     @abstractmethod
     def _is_foreign(self, identifier: int, data: bytes) -> bool:
-        """Whether a frame is one that nobody but this host may send."""
+        """True if a frame is one that nobody but this host may send."""
 
     @abstractmethod
     def _judge(self, now: float) -> None:
@@ -282,7 +282,7 @@ class Driver(ABC):
         self._before, self._state = self._state, state
 
     def _has_fallen(self, power: Power, now: float) -> bool:
-        """Whether the drive has left operation by itself and must not be switched on again as if nothing was.
+        """True if the drive has left operation by itself and must not be switched on again as if nothing was.
 
         A drive whose master was silent for a moment may be without torque when the master is back; switching it on
         again would be a restart that nobody ordered. It is forgotten when the master itself has wanted the power off.
@@ -324,7 +324,7 @@ class Driver(ABC):
             self._sync()
 
     def _can_lead(self) -> bool:
-        """Whether the drive's own state lets it be ordered to follow."""
+        """True if the drive's own state lets it be ordered to follow."""
         return self._state is not DriveState.FAULT
 
     def _send(self, identifier: int, data: bytes) -> None:

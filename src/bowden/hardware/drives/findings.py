@@ -52,7 +52,7 @@ class InertWatch:
         self._since = self._at = self._looked = math.nan
 
     def inert(self, position: float, now: float, *, in_vain: bool) -> bool:
-        """Whether it is, at `now` [s].
+        """True if it is, at `now` [s].
 
         Args:
             position: of the motor [rad].
@@ -100,7 +100,7 @@ class LagWatch:
         self._track.clear()
 
     def inert(self, motor: float, target: float, current: float, now: float, *, led: bool, fresh: bool) -> bool:
-        """Whether the motor is inert.
+        """True if the motor is inert.
 
         Args:
             motor: its angle [rad].
@@ -141,7 +141,7 @@ class LagWatch:
         return (motor - first) / (now - began) if now - began >= TRACK - 1e-6 else 0.0
 
     def _falls_behind(self) -> bool:
-        """Whether the lag has grown for `LASTING` while the motor, on its way to its target, has lost speed."""
+        """True if the lag has grown for `LASTING` while the motor, on its way to its target, has lost speed."""
         (began, first, lag), (now, last, lag_now) = self._past[0], self._past[-1]
         half, middle, _ = self._past[len(self._past) // 2]
         if not began < half < now or now - began < LASTING - 1e-6:

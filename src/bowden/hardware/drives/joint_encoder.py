@@ -44,8 +44,7 @@ KIND = SensorKind(
 JointSource = Annotated[
     Literal["cia406", "none"],
     Quantity(
-        "where the joint's angle comes from: cia406, a CANopen encoder of its own on the same bus; none, from nowhere, "
-        "and then nothing can run"
+        "what measures the joint: cia406, a CANopen encoder of its own on the same bus; none, and then nothing can run"
     ),
 ]
 JointNode = Annotated[int, Quantity("number of the joint's encoder on the bus", ge=1, le=126)]
@@ -60,7 +59,7 @@ JointSending = Annotated[
 
 
 def has_encoder(drive: Any) -> bool:
-    """Whether a drive's parameters, with the keys above, have such a device beside it."""
+    """True if a drive's parameters, with the keys above, have such a device beside it."""
     return getattr(drive, "joint", "none") == "cia406"
 
 
@@ -107,11 +106,11 @@ class JointEncoder:
         self._turns = LimitedRange(math.inf)
 
     def wants(self, identifier: int) -> bool:
-        """Whether a frame is of it, or one that only its host may send."""
+        """True if a frame is of it, or one that only its host may send."""
         return (identifier & 0x7F == self.node_id and identifier > 0x7F) or self.foreign(identifier)
 
     def foreign(self, identifier: int) -> bool:
-        """Whether a frame is one that only its host may send."""
+        """True if a frame is one that only its host may send."""
         return identifier in self._health.ours
 
     def bring_up(self, port: "BusPort") -> str:

@@ -78,7 +78,7 @@ class LoadCellReader:
 
     @property
     def synced(self) -> bool:
-        """Whether it waits for our SYNC."""
+        """True if it waits for our SYNC."""
         return self.given.source == "cia404" and self.given.sends == "sync"
 
     @property
@@ -96,11 +96,11 @@ class LoadCellReader:
         return frozenset(kind + self.given.node_id for kind in kinds)
 
     def wants(self, identifier: int) -> bool:
-        """Whether a frame is of it, or one that only its host may send."""
+        """True if a frame is of it, or one that only its host may send."""
         return identifier in self.sends or self.foreign(identifier)
 
     def foreign(self, identifier: int) -> bool:
-        """Whether a frame is one that only its host may send."""
+        """True if a frame is one that only its host may send."""
         return self.given.source == "cia404" and identifier in self._health.ours
 
     def bring_up(self, port: "BusPort") -> str:

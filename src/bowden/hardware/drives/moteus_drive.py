@@ -72,7 +72,7 @@ def frame(drive: MoteusParameters, data: bytes, *, reply: bool) -> Frame:
 
 
 def is_foreign(drive: MoteusParameters, identifier: int) -> bool:
-    """Whether a frame is one that only this host may send, or the board's answer to somebody else."""
+    """True if a frame is one that only this host may send, or the board's answer to somebody else."""
     if frames.prefix_of(identifier) != drive.can_prefix:
         return False
     source, receiver = identifier >> 8 & 0x7F, identifier & 0xFF
@@ -81,7 +81,7 @@ def is_foreign(drive: MoteusParameters, identifier: int) -> bool:
 
 
 def is_answer(drive: MoteusParameters, identifier: int) -> bool:
-    """Whether a frame is the board's to us."""
+    """True if a frame is the board's to us."""
     return identifier & 0x1FFF_FFFF == frames.identifier_of(drive.node_id, drive.host_id, drive.can_prefix)
 
 

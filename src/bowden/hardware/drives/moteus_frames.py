@@ -161,7 +161,7 @@ def prefix_of(identifier: int) -> int:
 
 
 def wire_value(register: int, kind: NumberKind, value: float) -> float:
-    """What stands for a physical value on the wire; see the module."""
+    """Encoded form of a physical value; see the module."""
     scales = SCALES.get(register)
     if kind is NumberKind.FLOAT:
         return value
@@ -226,7 +226,7 @@ class RegistersAsked(NamedTuple):
     kind: NumberKind
     amount: int
     counted: bool
-    """Whether the number of them stands in a byte of its own, as it then does in the reply."""
+    """True if the number of them stands in a byte of its own, as it then does in the reply."""
 
 
 class Failed(NamedTuple):
@@ -302,7 +302,7 @@ def _read_varuint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def replied(data: bytes) -> tuple[dict[int, float], list[Failed], bytes]:
-    """What a reply says: registers with physical values, errors, bytes of the console."""
+    """Decoded reply: registers with physical values, errors, bytes of the console."""
     found: dict[int, float] = {}
     failed: list[Failed] = []
     text = b""

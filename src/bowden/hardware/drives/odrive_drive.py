@@ -50,7 +50,7 @@ _LATE = 0.05
 
 
 def is_foreign(node: int, identifier: int, data: bytes) -> bool:
-    """Whether a frame is one that only the board's host may send: an order, or a question for what it tells."""
+    """True if a frame is one that only the board's host may send: an order, or a question for what it tells."""
     plain = identifier & ~REMOTE
     number, cmd = plain >> 5, plain & 0x1F
     if plain > frames.HIGHEST_ID or number not in (node, frames.BROADCAST):
@@ -105,7 +105,7 @@ class OdriveDialogue:
         return looked_at
 
     def beats(self, span: float, wanted: Callable[[Beat], bool]) -> bool:
-        """Whether a heartbeat as wanted comes within a time [s]."""
+        """True if a heartbeat as wanted comes within a time [s]."""
 
         def looked_at(cmd: int, data: bytes) -> bool | None:
             beat = frames.unpack_beat(data) if cmd == Cmd.HEARTBEAT else None
@@ -300,7 +300,7 @@ def _set_limits(board: OdriveDialogue, drive: OdriveParameters, limits: MotorLim
 
 
 def _try_watchdog(board: OdriveDialogue, drive: OdriveParameters) -> bool:
-    """Whether the board says that its watchdog runs out when nothing is said; not of one that watches in a run alone.
+    """True if the board says that its watchdog runs out when nothing is said; not of one that watches in a run alone.
 
     Raises:
         DriveError: it says so while we speak, too.
@@ -481,7 +481,7 @@ class OdriveDrive(Driver):
 
     @property
     def _expired(self) -> bool:
-        """Whether the board's one error is that nobody spoke to it before the first order with power."""
+        """True if the board's one error is that nobody spoke to it before the first order with power."""
         return self._untouched and self._beat.errors == frames.WATCHDOG
 
     def _counting_errors(self) -> int:

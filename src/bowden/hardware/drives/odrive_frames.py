@@ -70,7 +70,7 @@ TOLD = frozenset(
 
 
 class AxisState(IntEnum):
-    """What an axis does."""
+    """State of an axis."""
 
     UNDEFINED = 0
     IDLE = 1
@@ -111,7 +111,7 @@ class Beat(NamedTuple):
 
 
 class Target(NamedTuple):
-    """What Set_Input_Pos carries."""
+    """Content of Set_Input_Pos."""
 
     position: float
     """[turns]"""

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     pass
 
 BusInterface = Annotated[
-    str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig; others are untried")
+    str, Quantity("bowden_unix for the twin; on a rig socketcan, or serial for serial servos; others are untried")
 ]
-BusChannel = Annotated[str, Quantity("its channel: can0; of bowden_unix a folder, or a bare name")]
+BusChannel = Annotated[str, Quantity("can0, or /dev/ttyUSB0; of bowden_unix a folder, or a bare name")]
 """A bare name is a folder in the user's temporary one."""
 BusBitrate = Annotated[int, Quantity("of the bus; SocketCAN takes its interface's own", "bit/s", gt=0)]
 AnswerTimeout = Annotated[float, Quantity("longest wait for an answer at bring-up", "s", shown="ms", gt=0.0, le=1e4)]
@@ -33,23 +33,30 @@ MotorDirection = Annotated[
 ]
 Home = Annotated[
     Literal["counts", "here"],
-    Quantity("home is where the positions are zero, or where motor and joint are found when a command begins"),
+    Quantity("home is where positions are zero, or where motor and joint are found when a command begins (here)"),
 ]
 HintedHome = Annotated[
     Literal["counts", "here", "hint"],
     Quantity(
-        "home is where the drive's position is zero; where motor and joint are found when a command begins (here); "
-        "or where its rotor is at zero, in the turn in which the motor is near motor_hint_deg when a command begins"
+        "home is where positions are zero; where motor and joint are found when a command begins (here); or the zero "
+        "nearest to motor_hint_deg (hint)"
     ),
 ]
 MotorHome = Annotated[float, Quantity("angle of the spool at home", "rad", ge=-720.0, le=720.0)]
 MotorHint = Annotated[
     float,
     Quantity(
-        "where the spool is when a command begins, within half a turn of the rotor; for home = hint",
+        "where the spool is when a command begins, within half a turn of the rotor",
         "rad",
         ge=-720.0,
         le=720.0,
+    ),
+]
+
+NoLimb = Annotated[
+    bool,
+    Quantity(
+        "true where no limb can be in the rig; a drive that may keep its torque without us is powered on no other"
     ),
 ]
 
@@ -286,7 +293,7 @@ class Device(NamedTuple):
 
 
 def collision(one: Any, other: Any) -> str:
-    """What keeps two drives from being on one bus, where they are; empty of others.
+    """Reason for which two drives cannot share their bus; empty if they can, or are on two.
 
     Their frames must differ: a drive whose number is that of another one's encoder would be led by that one's joint.
     `identifiers` of their parameters says which there are: identifier → key of [drive] that it follows from.

@@ -162,7 +162,7 @@ class TurnCount:
         self._last = self._at = math.nan
 
     def lost(self, position: float, now: float) -> bool:
-        """Whether it has, by the position that came at `now` [s] and the one before."""
+        """True if it has, by the position that came at `now` [s] and the one before."""
         moved, gap = abs(position - self._last), now - self._at
         self._last, self._at = position, now
         return moved > max(0.5 * self._turn, 1.5 * self._fastest * gap)

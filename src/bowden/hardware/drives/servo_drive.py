@@ -272,15 +272,16 @@ class ServoDrive(Driver):
         """That the servo counts as far, that it finds its turn again after power-off, and that it gives the current."""
         drive, table = self._drive, self._drive.table
         low, high = drive.after_power_off(servo.get)
-        inside = drive.home != "counts" or all(
+        inside = (drive.home != "counts" and drive.multi_turn) or all(
             not math.isfinite(end) or low <= end <= high for end in (limits.low, limits.high)
         )
         if not inside:
             raise DriveError(
                 f"the motor goes from {limits.low:.0f} to {limits.high:.0f} counts, and {servo.name} finds itself "
                 f"between {low} and {high} after power-off",
-                expected='a range within that turn, with home = "counts"',
-                do='set home = "hint" with motor_hint_deg in [drive], or home = "here"; or turn the servo\'s horn',
+                expected="a range within that turn",
+                do="put the horn or the spool on so that it is, with motor_home_deg in [drive]; "
+                + ('or set home = "hint" with motor_hint_deg, or home = "here"' if drive.multi_turn else ""),
             )
         if "Current Limit" in table.registers:
             own = table.current_step * servo.get("Current Limit")
@@ -363,7 +364,7 @@ class ServoDrive(Driver):
         self._primed = 0
         if self._reset and self._readings.error:
             self._reset = False
-            if self._readings.error & 0xFF and "Bus Watchdog" in drive.table.registers:
+            if self._readings.error & 0xFF and drive.table.packets.fast:
                 self._send(number, bytes((Instruction.REBOOT,)))
                 self._lost = True  # its turn may be another: it has to be brought up again
             else:

@@ -12,15 +12,15 @@ from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 from bowden.hardware.buses.packets import PROTOCOLS, STATUS, Packets, fast_answer
 from bowden.hardware.drives import on_can
+from bowden.hardware.drives.checklist import Setting, is_about
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 
 ADAPTER = 1e-3
 """For which a USB adapter may keep what it has received, its latency timer at the least [s]."""
 
-LineInterface = Annotated[
-    Literal["bowden_unix", "serial"], Quantity("bowden_unix for the twin, serial for a line at this computer")
-]
-LineChannel = Annotated[str, Quantity("the line: /dev/ttyUSB0; of bowden_unix a folder, or a bare name")]
+DELAY_STEP = 2e-6
+"""Of a count of the delay before an answer [s]."""
+
 ServoNumber = Annotated[int, Quantity("the servo's number on its line, its ID", ge=0, le=252)]
 ReturnDelay = Annotated[
     float,
@@ -28,18 +28,12 @@ ReturnDelay = Annotated[
         "between a question and the servo's answer as it is set (Return Delay Time)", "s", shown="ms", ge=0.0, le=0.508
     ),
 ]
-NoLimb = Annotated[
-    bool,
-    Quantity("true where no limb can be in the rig; such a servo is powered on no other, as it would keep its torque"),
-]
 JointServo = Annotated[
     Literal["servo", "none"],
     Quantity(
-        "where the joint's angle comes from: servo, a second servo of this model on the joint, without torque; none, "
-        "from nowhere, and then nothing can run"
+        "what measures the joint: servo, a second one of this model, without torque; none, and then nothing can run"
     ),
 ]
-JointNumber = Annotated[int, Quantity("number of the servo on the joint", ge=0, le=252)]
 
 
 class Register(NamedTuple):
@@ -184,6 +178,25 @@ def joint_scale(drive: Any) -> Scale:
     return Scale(drive.joint_direction * 2.0 * math.pi / drive.table.turn, drive.joint_home)
 
 
+def identifiers(drive: Any) -> dict[int, str]:
+    """See `on_can.collision`: the servos' numbers."""
+    return {**({drive.joint_node_id: "joint_node_id"} if drive.joint == "servo" else {}), drive.node_id: "node_id"}
+
+
+def delay_setting(drive: Any) -> Setting:
+    """That it answers as soon as the rig says."""
+    return Setting(
+        "Return Delay Time",
+        is_about(round(drive.return_delay / DELAY_STEP)),
+        f"{drive.return_delay / DELAY_STEP:.0f}, {1e3 * drive.return_delay:g} ms",
+        "answers later or sooner than the rig says",
+        "set it with its maker's tool, or correct return_delay_ms in [drive]",
+    )
+
+
+_ELSEWHERE = 'set home = "hint" with motor_hint_deg in [drive], or home = "here"; or '
+
+
 def rules(drive: Any) -> Iterator[on_can.Rule]:
     """What must hold of a serial servo; see `on_can.require`.
 
@@ -191,6 +204,7 @@ def rules(drive: Any) -> Iterator[on_can.Rule]:
         ParameterError: a cycle that the line is too slow for, or a range of which a restart would forget the turn.
     """
     yield from on_can.rules_of_rig(drive, (1e-3, 0.05))
+    yield "interface", drive.interface in ("bowden_unix", "serial"), "serial, or bowden_unix for the twin"
     yield "joint_node_id", drive.joint == "none" or drive.joint_node_id != drive.node_id, "not the motor's node_id"
     shortest = cycle_time((drive,))
     if drive.needs.sample_time < shortest:
@@ -201,14 +215,13 @@ def rules(drive: Any) -> Iterator[on_can.Rule]:
             "Time and return_delay_ms",
         )
     low, high = drive.needs.lowest_motor, drive.needs.highest_motor
-    if drive.home == "counts" and math.isfinite(low) and math.isfinite(high):
+    if (drive.home == "counts" or not drive.multi_turn) and math.isfinite(low) and math.isfinite(high):
         scale = motor_scale(drive)
         span = abs(scale.counts(high) - scale.counts(low))
         if span >= drive.table.turn:
             raise ParameterError(
                 f"the motor goes from {low / RADIANS:g} to {high / RADIANS:g}°, {span / drive.table.turn:.2f} turns of "
                 "the servo, which forgets at power-off in which turn it is",
-                expected='less than a turn with home = "counts"',
-                do='set home = "hint" with motor_hint_deg in [drive], or home = "here"; or make the range in [limits] '
-                "smaller",
+                expected="less than a turn" + (' with home = "counts"' if drive.multi_turn else ""),
+                do=(_ELSEWHERE if drive.multi_turn else "") + "make the range in [limits] smaller",
             )

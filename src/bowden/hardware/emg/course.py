@@ -80,7 +80,7 @@ class EmgCourse:
         self._latest, self._age, self._good = StreamReading(), math.inf, 0
         self._loss = EmgLoss.NONE
         self.over = False
-        """Whether a recording is about to end, and the run with it."""
+        """True if a recording is about to end, and the run with it."""
         self.begin()
         self.step(0.001)  # compiles
         self.begin()
@@ -125,7 +125,7 @@ class EmgCourse:
         return Reference(*self._reference)
 
     def row(self) -> tuple[float, ...]:
-        """What is recorded of this cycle: `COLUMNS`."""
+        """The values of `COLUMNS` in this cycle."""
         latest = self._latest
         onset = (latest.onset - self._start) * 1e-9 if latest.onset else math.nan
         return (

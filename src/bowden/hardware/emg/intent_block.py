@@ -15,7 +15,7 @@ from bowden.hardware import shared_memory
 
 
 class EmgLoss(IntEnum):
-    """Why the newest good sample is old."""
+    """Cause for which the newest good sample is old."""
 
     NONE = 0
     READER = 1
@@ -29,18 +29,18 @@ class EmgLoss(IntEnum):
 
 
 class StreamReading(NamedTuple):
-    """What the stream has said up to its newest sample."""
+    """State of the stream at its newest sample."""
 
     newest: int = 0
-    """When that sample was taken, on the monotonic clock, or came, whichever is earlier; 0 before the first [ns]."""
+    """Time of that sample on the monotonic clock: taken or received, the earlier; 0 before the first [ns]."""
     onset: int = 0
     """When the sample was taken with which the last contraction was detected; 0 before the first [ns]."""
     samples: int = 0
-    """That have come, those that are missing included."""
+    """Number of samples, missing ones included."""
     lost: int = 0
-    """That are missing."""
+    """Number of missing samples."""
     ends: int = 0
-    """When the stream is over, where that is known, as of a recording; else 0 [ns]."""
+    """End of the stream, where it is known, as of a recording; else 0 [ns]."""
     looked: int = 0
     """When its reader last looked for samples, whether any had come or not [ns]."""
     flexor: float = 0.0

@@ -75,7 +75,7 @@ class LslOutlet:
             self._outlet.push_chunk(np.ascontiguousarray(values), self._clock() - age)
 
     def has_readers(self) -> bool:
-        """Whether anybody reads it."""
+        """True if anybody reads it."""
         return bool(self._outlet is not None and self._outlet.have_consumers())
 
     def close(self) -> None:

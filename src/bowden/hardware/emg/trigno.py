@@ -205,7 +205,7 @@ class TrignoStream:
         return good
 
     def _keeps_rate(self, count: int, now: float) -> bool:
-        """Whether as many samples came in the last whole block of time as were announced, `count` of them now."""
+        """True if as many samples came in the last whole block of time as were announced, `count` of them now."""
         if now < self._block_from:
             return self._kept_rate
         self._block_count += count

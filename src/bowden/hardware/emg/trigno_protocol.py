@@ -177,7 +177,7 @@ def rate_of(port: int, compatible: str, upsampling: str, interval: str, most: st
 
 
 def refused(answer: str) -> bool:
-    """Whether the server does not know a question or does not answer it now."""
+    """True if the server does not know a question or does not answer it now."""
     return answer.upper() in (INVALID, REFUSED)
 
 

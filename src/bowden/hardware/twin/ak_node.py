@@ -22,7 +22,15 @@ from typing import Any, ClassVar
 
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import ak_frames as frames
-from bowden.hardware.drives.families.ak_mit import AkParameters, model_of, motor_scale, reply_id
+from bowden.hardware.drives.families.ak_mit import (
+    UPLOADS,
+    AkParameters,
+    command_id,
+    model_of,
+    motor_scale,
+    reply_id,
+    torque_per_ampere,
+)
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import HOTTEST, TwinNode
@@ -52,17 +60,19 @@ class AkNode(TwinNode):
     def _prepare(self) -> Scale | SuitScale:
         self._model = model_of(self._drive)
         self.turn = 2.0 * math.pi / self._model.gear
-        self._moded, self._kicks_until = False, -math.inf  # towards the target that it remembers
+        self._v3, self._command_id = self._drive.board == "v3", command_id(self._drive)
+        self._moded, self._kicks_until = self._v3, -math.inf  # towards the target that it remembers
         return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         self._error, self._leaving, self._command = 0, math.nan, IDLE
+        self._next_upload = self._ready
         if math.isfinite(self._ready):
             self._shift -= self.turn * round(self._position() / self.turn)
 
     @property
     def _gains(self) -> bool:
-        """Whether the command gives a torque; half a step of it is what no command can leave out."""
+        """True if the command gives a torque; half a step of it is what no command can leave out."""
         half = 0.51 * 2.0 * self._model.torque / 4095.0
         return self._command.kp > 0.0 or self._command.kd > 0.0 or abs(self._command.torque) > half
 
@@ -74,15 +84,17 @@ class AkNode(TwinNode):
         """See `TwinNode.receive`."""
         if self._is_destroyed(now):
             return
-        if self._encoder is not None and identifier != self._drive.node_id:
+        if self._encoder is not None and identifier != self._command_id:
             self._encoder.receive(identifier, data, now)
-        if identifier != self._drive.node_id or len(data) != 8 or not self._is_receiving(now):
+        if identifier != self._command_id or len(data) != 8 or not self._is_receiving(now):
             return
         self._move(now)  # up to here under the command before
         self.host = now
-        command = frames.unpack_command(data, self._model)
+        command = (frames.unpack_command_v3 if self._v3 else frames.unpack_command)(data, self._model)
         if self.faults.active("commands_ignored", now):
             pass  # and what it does not obey counts for its timeout: nothing says otherwise
+        elif self._v3:
+            self._obey_v3(command, now)
         elif data == frames.ENTER:
             self._enter(now)
         elif data == frames.EXIT:
@@ -92,7 +104,32 @@ class AkNode(TwinNode):
         elif command is not None and self._moded and now >= self._kicks_until:
             self._command = command
         self._order(now)
-        self._reply(now)
+        if not self._v3:
+            self._reply(now)
+
+    def _obey_v3(self, command: frames.AkCommand | None, now: float) -> None:
+        """A command to a board that is in no mode: torque is what it says."""
+        if command is None or now < self._kicks_until:
+            return
+        gave = self._gains
+        self._command = IDLE if self._error else command
+        kick = self.faults.active("kick", now)
+        if kick and self._gains and not gave:
+            self._kick(kick.amount, now)
+        if self._error and command.kp == command.kd == 0.0:
+            self._told_to_leave(now)
+
+    def _send_cyclic(self, now: float) -> None:
+        if self._v3 and self._booted and now >= self._next_upload:
+            self._next_upload = max(self._next_upload + 1.0 / UPLOADS, now)
+            self._reply(now)
+        self._outbox.tick(now)
+
+    def _kick(self, degrees: float, now: float) -> None:
+        """Pull towards a target that it remembers, for a moment."""
+        place = self._position() + math.radians(degrees)
+        self._command = frames.AkCommand(place, 0.0, self._drive.stiffness, self._drive.damping, 0.0)
+        self._kicks_until = now + KICK
 
     def _code_of(self, amount: int) -> int:
         return amount if amount <= 0xFF else OVER_CURRENT
@@ -111,9 +148,7 @@ class AkNode(TwinNode):
         self._journal(now, "state", DriveState.OPERATION_ENABLED.name)
         kick = self.faults.active("kick", now)
         if kick:
-            place = self._position() + math.radians(kick.amount)
-            self._command = frames.AkCommand(place, 0.0, self._drive.stiffness, self._drive.damping, 0.0)
-            self._kicks_until = now + KICK
+            self._kick(kick.amount, now)
 
     def _told_to_leave(self, now: float) -> None:
         self._stop(now, DriveState.SWITCH_ON_DISABLED.name)
@@ -126,7 +161,8 @@ class AkNode(TwinNode):
         """Out of motor mode; the command stays, as the gains of one before do when it is entered again."""
         if self._moded:
             self._journal(now, "state", DriveState.SWITCH_ON_DISABLED.name)
-        self._moded = False
+        self._moded = self._v3
+        self._command = IDLE if self._v3 else self._command
         self._order(now, why)
 
     def _fail(self, code: int, now: float) -> None:
@@ -196,8 +232,12 @@ class AkNode(TwinNode):
             velocity, torque = model.velocity, model.torque
         temperature = max(-128, min(127, round(bench.temperature))) + drive.temperature_zero
         self._history.append(frames.AkReply(drive.node_id, position, velocity, torque, temperature, self._error, False))
-        sent = self._delayed(now)
-        self._outbox.emit_cyclic(reply_id(drive), frames.pack_reply(sent._replace(error=self._error), model), now)
+        sent = self._delayed(now)._replace(error=self._error)
+        if self._v3:
+            data = frames.pack_state_v3(sent, model, torque_per_ampere(drive))
+        else:
+            data = frames.pack_reply(sent, model)
+        self._outbox.emit_cyclic(reply_id(drive), data, now)
         if faults.active("foreign_replies", now):
             other = sent._replace(number=drive.node_id % 127 + 1, position=1.0)
             self._outbox.emit(

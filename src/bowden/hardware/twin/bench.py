@@ -192,7 +192,7 @@ class TwinBench(TwinPlant):
 
     @property
     def taut(self) -> bool:
-        """Whether the cable pulls."""
+        """True if the cable pulls."""
         return not self.torn and (self.slack == 0.0 or self._motion.position - self._motion.end >= self.slack - 1e-9)
 
     def _slope(self) -> float:

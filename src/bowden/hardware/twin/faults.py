@@ -17,7 +17,7 @@ SPIKE_EVERY = 10
 
 
 class Faults:
-    """What has been injected."""
+    """Injected faults."""
 
     def __init__(self) -> None:
         self._lasting: list[Injection] = []
@@ -56,23 +56,23 @@ class Faults:
         return due
 
     def drops_pdo(self, now: float) -> bool:
-        """Whether this PDO is lost."""
+        """True if this PDO is lost."""
         dropped = self.active("dropped_pdos", now)
         return dropped is not None and self._random.random() < dropped.amount
 
     def swallows(self, now: float) -> bool:
-        """Whether a frame of the host is left in its queue, since nothing goes over the bus."""
+        """True if a frame of the host is left in its queue, since nothing goes over the bus."""
         full = self.active("queue_full", now) is not None
         self._queued = self._queued + 1 if full else 0
         return full
 
     def off_bus(self, now: float) -> bool:
-        """Whether the bus takes no frame: no node acknowledges, or the host's queue has no room."""
+        """True if the bus takes no frame: no node acknowledges, or the host's queue has no room."""
         full = self.active("queue_full", now)
         return self.active("bus_off", now) is not None or (full is not None and self._queued >= full.amount)
 
     def destroys(self, now: float) -> bool:
-        """Whether this frame is destroyed by a bit error: every node of the bus sees an error frame in its place."""
+        """True if this frame is destroyed by a bit error: every node of the bus sees an error frame in its place."""
         errors = self.active("bit_errors", now)
         return errors is not None and self._random.random() < errors.amount
 

@@ -11,12 +11,12 @@ class Kind(NamedTuple):
 
     meaning: str
     side: bool = False
-    """Whether it is of one encoder, ``joint`` or ``motor``."""
+    """True if it is of one encoder, ``joint`` or ``motor``."""
     amount: float | None = None
     """How much when nothing is said; None where there is nothing to say."""
     unit: str = ""
     moment: bool = False
-    """Whether it happens once, rather than lasting."""
+    """True if it happens once, rather than lasting."""
     least: float = 0.0
     """Smallest amount."""
     most: float = 1e6
@@ -120,7 +120,7 @@ class Injection(NamedTuple):
     """[s]"""
 
     def active(self, now: float) -> bool:
-        """Whether it is there at that time [s]."""
+        """True if it is there at that time [s]."""
         return self.start <= now < self.end
 
 

@@ -127,7 +127,7 @@ for a rig (mjbots/moteus, docs/reference/configuration.md).
 
 
 class Sampled(NamedTuple):
-    """What the board's sensors show."""
+    """Readings of the board's sensors."""
 
     motor: float
     """Of the output [turns]."""

@@ -69,7 +69,7 @@ class TwinNode(ABC):
         self.patience = 0.0
         """How long a silent host is waited for while there is torque [s]; 0: no longer than the drive itself does."""
         self.scenario_noted = False
-        """Whether the sheath's motion has begun, or somebody has said when it does."""
+        """True if the sheath's motion has begun, or somebody has said when it does."""
         self.host = -math.inf
         """When the host last sent something [s]."""
         self._powered, self._booted = False, False
@@ -171,11 +171,11 @@ class TwinNode(ABC):
         self._power_up()
 
     def _is_receiving(self, now: float) -> bool:
-        """Whether it takes a frame in."""
+        """True if it takes a frame in."""
         return now >= self._ready and not self.faults.active("deaf", now)
 
     def _is_destroyed(self, now: float) -> bool:
-        """Whether a bit error destroys this frame of the host."""
+        """True if a bit error destroys this frame of the host."""
         if self.faults.destroys(now):
             self._send(ERROR | BIT_ERROR, bytes(8))
             return True

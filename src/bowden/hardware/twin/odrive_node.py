@@ -47,7 +47,7 @@ FED_BY = frozenset((Cmd.SET_AXIS_STATE, Cmd.SET_INPUT_POS, Cmd.SET_INPUT_VEL, Cm
 
 
 class Told(NamedTuple):
-    """What the board's sensors show."""
+    """Readings of the board's sensors."""
 
     position: float
     """[turns]"""

@@ -15,7 +15,7 @@ from bowden.models.cable.sheath_path import BendPath
 
 
 class Doing(IntEnum):
-    """What the motor does."""
+    """State of the motor's power stage."""
 
     OFF = 0
     FOLLOW = 1
@@ -29,7 +29,7 @@ LONGEST_GAP = 1.0
 
 
 class Physics(NamedTuple):
-    """What the rig does not say; stated choices."""
+    """Constants that no rig states; chosen."""
 
     coasting: float = 0.02
     """τ of the motor without torque [s]."""
@@ -72,7 +72,7 @@ class TwinPlant(ABC):
     """
 
     has_cable = True
-    """Whether a cable can be torn or slack in it."""
+    """True if a cable can be torn or slack in it."""
     speed_limit: float
     """Of the drive, at the spool [rad/s]."""
     current_limit: float
@@ -95,7 +95,7 @@ class TwinPlant(ABC):
         self.slack = 0.0
         """Of the cable, at the spool [rad]."""
         self.torn = False
-        """Whether the cable that pulls is torn."""
+        """True if the cable that pulls is torn."""
         self.temperature = self.physics.ambient
         """Of the power stage [°C]."""
         self.torque_offset: float | None = None
@@ -104,7 +104,7 @@ class TwinPlant(ABC):
         """Of the position loop of a plant whose motor gives way: torque per angle [N·m/rad] and per speed [N·m·s/rad],
         at the spool; None of one whose servo bears any load."""
         self.brake_set = False
-        """Whether the holding brake of its motor is told to hold; without effect on a plant that has none."""
+        """True if the holding brake of its motor is told to hold; without effect on a plant that has none."""
         self._begin(plant, float(initial_motor), now)
 
     @abstractmethod

@@ -4,7 +4,8 @@ Each is its memory: a table of registers with what a new servo has in them, but 
 read is measured in that moment; what is written takes effect at once. Power-off is forgotten by the registers of RAM
 and by the turn in which the motor was.
 
-What the manuals do not say, and is chosen here: a servo whose watchdog has run out stays where it is, with torque.
+What the manuals do not say, and is chosen here: a servo whose watchdog has run out stays where it is, with torque; an
+error of a Feetech servo is gone half a second later.
 """
 
 import math
@@ -30,6 +31,8 @@ ALERT = 0x80
 """In the error of each answer of a servo with one."""
 KICK = 20e-3
 """How long it pulls towards a target that it remembers, where that is injected [s]."""
+CLEARED = 0.5
+"""After which a servo that knows no restart over its line tells an error no more [s]."""
 SIZE = 1024
 """Of a memory [bytes]."""
 
@@ -105,7 +108,7 @@ class ServoNode(TwinNode):
         self._own = Memory(table, drive.node_id, given, registers)
         self._joint = Memory(table, drive.joint_node_id, given, {}) if drive.joint == "servo" else None
         self._joint_scale = joint_scale(drive)
-        self._kicks_until = -math.inf
+        self._kicks_until = self._failed = -math.inf
         return motor_scale(drive)
 
     def _power_up(self) -> None:
@@ -145,7 +148,7 @@ class ServoNode(TwinNode):
         match data[0]:
             case Instruction.PING:
                 said = one.read(one.table.registers["Model Number"].address, 2) + bytes((one["Firmware Version"],))
-                self._answer(one, said if packets.width == 2 else b"", now)
+                self._answer(one, said if packets.fast else b"", now)
             case Instruction.READ if identifier != ALL:
                 address, length, _ = packets.asked(data)
                 self._tell(one, address, length, now)
@@ -172,7 +175,8 @@ class ServoNode(TwinNode):
                     self._answer(one, b"", now, NO_INSTRUCTION)
 
     def _answer(self, one: Memory, said: bytes, now: float, error: int = 0, *, cyclic: bool = False) -> None:
-        alert = ALERT if one is self._own and self._error and one.table.packets.width == 2 else 0
+        wrong = self._error if one is self._own else 0
+        alert = (ALERT if wrong else 0) if one.table.packets.fast else wrong
         emit = self._outbox.emit_cyclic if cyclic else self._outbox.emit
         emit(one.number, bytes((STATUS, error | alert)) + said, now)
         if cyclic and one is self._own and self.faults.active("foreign_replies", now):
@@ -254,11 +258,14 @@ class ServoNode(TwinNode):
 
     def _fail(self, code: int, now: float) -> None:
         self._own["Hardware Error Status"] = self._error | code
+        self._failed = now
         self._journal(now, "fault", f"0x{code:02X}")
         self._stop(now, DriveState.FAULT.name)
 
     def _watch(self, now: float) -> None:
         own = self._own
+        if not own.table.packets.fast and self._error and now - self._failed >= CLEARED:
+            own["Hardware Error Status"] = 0
         if "Bus Watchdog" not in own:
             return
         if self.faults.active("watch_off", now):
@@ -278,3 +285,9 @@ class ServoNode(TwinNode):
     def _protect(self, now: float) -> None:
         if self.bench.temperature >= HOTTEST and not self._error:
             self._fail(OVERHEATING, now)
+
+
+class FeetechNode(ServoNode):
+    """A Feetech servo."""
+
+    lacks: ClassVar[Mapping[str, str]] = {**ServoNode.lacks, "watch_off": "it has no watchdog over its host"}

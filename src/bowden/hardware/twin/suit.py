@@ -100,7 +100,7 @@ class TwinSuit(TwinPlant):
         self._warm(elapsed)
 
     def _braked(self) -> bool:
-        """Whether the brake grips: it does what it is told with its delay."""
+        """True if the brake grips: it does what it is told with its delay."""
         brake = self.suit.brake
         if self.brake_set != self._told[0]:
             self._told = self.brake_set, self._time

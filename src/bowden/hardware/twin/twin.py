@@ -24,7 +24,7 @@ from bowden.hardware.twin.joint_stream import JointSensorTwin
 from bowden.hardware.twin.node import Journal, TwinNode
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.sensor_node import SensorNode
-from bowden.hardware.twin.serial_port import serial_port
+from bowden.hardware.twin.serial_port import bus_of_twin
 from bowden.rig.settings import JointSensor
 
 TICK = 1e-3
@@ -61,8 +61,7 @@ class Twin:
         self._claim = claim(place.interface, place.channel, f"node {node_id}")
         self._bus: can.BusABC | None = None
         try:
-            self._bus = open_bus(place, create=True)
-            self._line = serial_port(place)
+            self._bus = bus_of_twin(place, create=True)
             self._control = ControlServer(self.path)
         except BaseException:
             self._claim.close()
@@ -124,8 +123,6 @@ class Twin:
             self._own_bus = None
         if self._sensor is not None:
             self._sensor.close()
-        if self._line is not None:
-            self._line.close()
         self._control.close()
         self._claim.close()
 
@@ -162,7 +159,7 @@ class Twin:
             self._note(now, "bus_off", "")
         elif not off and self._bus is None:
             with contextlib.suppress(DriveError):
-                self._bus = open_bus(self._place)
+                self._bus = bus_of_twin(self._place, create=False)
                 self._note(now, "bus_on", "")
 
     def _send_apart(self, cob_id: int, data: bytes) -> None:

@@ -79,14 +79,23 @@ def _about_motion(log: Log, split: int, path: Path, whole: int) -> list[str]:
             f"the first half has only {path.strokes - 1} reversal{'s' * (path.strokes > 2)}, too few to separate a "
             f"loop from what happens once{', and the whole log chose the model' * (path.strokes < TOLD)}: {do}"
         )
+    if one_amplitude(path):
+        found.append(INNER_UNSEEN.format(path.span * DEGREES))
+    return found
+
+
+INNER_UNSEEN = (
+    "all strokes have one amplitude ({:.3g}° peak to peak of the motor): play and slope of smaller loops inside that "
+    "one are not seen; record strokes of a half and a quarter of it as well"
+)
+"""Of a log whose `one_amplitude` is true, with its motor's span [deg]."""
+
+
+def one_amplitude(path: Path) -> bool:
+    """True if all strokes that were fitted go between the same two ends, within a tenth of the motor's span."""
     fitted = path.stroke[path.weight > 0]
     inner = path.turning[int(fitted[0]) + 1 : -1]
-    if len(inner) >= 2 and max(float(np.ptp(inner[0::2])), float(np.ptp(inner[1::2]))) < 0.1 * path.span:
-        found.append(
-            f"all strokes have one amplitude ({path.span * DEGREES:.3g}° peak to peak): how the cable behaves inside "
-            "that loop is not seen; record strokes of a half and a quarter of it as well"
-        )
-    return found
+    return len(inner) >= 2 and max(float(np.ptp(inner[0::2])), float(np.ptp(inner[1::2]))) < 0.1 * path.span
 
 
 def _about_settling(log: Log, fitted_from: int, rest_until: float | None) -> list[str]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import ENOUGH
-from bowden.identify.cable.turns import least_swing, motor_noise, reversals
+from bowden.identify.cable.turns import Index, motor_noise
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def check_same_unit(motor: Array, joint: Array, where: str) -> None:
             )
 
 
-def look_swapped(motor: Array, joint: Array) -> bool:
+def look_swapped(motor: Array, joint: Array, turns: Index) -> bool:
     """True if motor and joint look swapped: a cable's far end lags, and so its loop is gone round one way.
 
     What is looked at is ½∮(m·dj − j·dm), over the motor's travel and the joint's range: 0.019 to 0.052 on 24 recordings
@@ -74,8 +74,8 @@ def look_swapped(motor: Array, joint: Array) -> bool:
     Args:
         motor: (n,) [rad].
         joint: (n,) [rad].
+        turns: samples at which the motor turns.
     """
-    turns = reversals(motor, least_swing(motor))
     if len(turns) < 3:  # nothing is gone round: the chord of an open path has an area too
         return False
     round_ = slice(turns[0], turns[2 * ((len(turns) - 1) // 2)])
@@ -85,7 +85,7 @@ def look_swapped(motor: Array, joint: Array) -> bool:
     return area < -_LEADS * float(np.abs(np.diff(m)).sum() * np.ptp(j))
 
 
-def stopped_at(motor: Array, joint: Array) -> tuple[float, float] | None:
+def stopped_at(motor: Array, joint: Array, turns: Index) -> tuple[float, float] | None:
     """The joint's angle at which it stands while the motor goes on, and how far that goes on [rad]; None where none is.
 
     A sensor at the end of its range reads so, and a joint at a stop.
@@ -93,8 +93,9 @@ def stopped_at(motor: Array, joint: Array) -> tuple[float, float] | None:
     Args:
         motor: (n,) [rad].
         joint: (n,) [rad].
+        turns: samples at which the motor turns.
     """
-    turns, near = reversals(motor, least_swing(motor)), 3.0 * motor_noise(joint)
+    near = 3.0 * motor_noise(joint)
     direction = float(np.sign(np.sum((motor - motor.mean()) * (joint - joint.mean()))))
     slope = float(np.ptp(joint) / np.ptp(motor))
     for side in (1.0, -1.0):

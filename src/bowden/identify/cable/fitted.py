@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +81,8 @@ class FittedLog:
     """Of the joint behind the motor [s], and the share of what the recommended model leaves that it explains [–]."""
     fitted_from: int = 0
     """First sample that was fitted; above zero where the cable was still settling."""
+    one_amplitude: float = 0.0
+    """Span of the motor where all strokes have one amplitude, so that no smaller loop is seen; else 0 [rad]."""
     values: tuple[float, ...] = ()
     """Of what schedules the model, its means."""
     same_rms: float = math.nan
@@ -216,7 +219,7 @@ class Fitted:
         """Of the log, or of all logs."""
         return ", ".join(one.name for one in self.logs)
 
-    @property
+    @cached_property
     def forecast(self) -> Forecast | None:
         """The joint's error with the recommended model as feed-forward, and without any; None of several logs and of a
         known model."""

@@ -16,6 +16,9 @@ and the branch that is not seen goes wrong; a larger stroke shows it. So v is 10
 Where a branch would go against the motor, or the gap below zero, λ grows until it does not; the limit, taken from some
 λ on, is a straight mean with one gap.
 
+Both branches may be straight lines with a slope each, and one play between them: Eq. 4 with c₁ ≠ c₂. Where these four
+numbers leave hardly more than the free curves do, they are taken in their place.
+
 Source: Eilers and Marx, Statistical Science 11(2), 1996 (penalised splines).
 """
 
@@ -26,7 +29,7 @@ from numpy.typing import NDArray
 
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
-from bowden.identify.cable.projection import inverse_of, products
+from bowden.identify.cable.projection import inverse_of, products, solve_linear
 from bowden.identify.cable.validation import folds
 from bowden.models.cable.generalised_play import (
     Branches,
@@ -74,6 +77,18 @@ _MOST_TIED = 0.3
 """Of the range, at either end."""
 
 
+_ENDS = np.kron(np.eye(2), [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
+"""What makes three nodes of two straight lines (6, 4) of the lines' ends."""
+_AS_GOOD = 1.05**2
+"""Squared error of straight branches over that of free ones, up to which they are taken."""
+
+
+_NEARLY = 4.0
+"""The same before it is known where the motor came from, up to which that is searched."""
+_ONWARD = 0.25
+"""Of the motor's range, by which straight branches go on beyond it."""
+
+
 class BentStack(NamedTuple):
     """Which plays there are, round a bent line."""
 
@@ -93,7 +108,8 @@ class GeneralisedPlay:
 
     def fit(self, path: Path) -> Estimate:
         """See `Family.fit`."""
-        return self._fit(path, _PLAYS_ROUNDS)
+        free = self._fit(path, _PLAYS_ROUNDS)
+        return _straightened(path, free) or free
 
     def rough(self, path: Path) -> Estimate:
         """The same with the plays as they are found first, for `bowden.identify.cable.settling`.
@@ -113,14 +129,16 @@ class GeneralisedPlay:
         Where the path reaches beyond the nodes they are laid again over all of it; λ and the contacts are found with
         them, and the plays once more.
         """
-        lag, of_mean, of_gap = (float(value) for value in near.theta)
         cable = branches_of(near.parameters)
+        if len(near.theta) == 1:
+            return _two_lines(path, float(near.theta[0]), cable)
+        lag, of_mean, of_gap = (float(value) for value in near.theta)
         low, high = _range(path)
         if low < cable.low or high > cable.high:
             return _settled(path, lag, _laid(cable, min(low, cable.low), max(high, cable.high)), 1)
         columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
         cable, strengths = _solved(path, columns, cable, (of_mean, of_gap))
-        return _estimate(path, lag, cable, strengths)
+        return _free(path, lag, cable, strengths)
 
 
 def bent_stack(path: Path, lags: Array) -> BentStack:
@@ -181,7 +199,46 @@ def _settled(path: Path, lag: float, cable: Branches, again: int) -> Estimate:
         if done == 1:
             strengths = _strengths(path, columns, cable)
         cable, strengths = _solved(path, columns, cable, strengths)
-    return _estimate(path, lag, cable, strengths)
+    return _free(path, lag, cable, strengths)
+
+
+def _straightened(path: Path, free: Estimate) -> Estimate | None:
+    """Two straight branches, if they leave hardly more than free ones; where the motor came from is searched then."""
+    from scipy.optimize import minimize_scalar
+
+    def left(one: Estimate, weight: Array) -> float:
+        return float(weight @ (one.fitted - path.joint) ** 2)
+
+    later, cable = np.where(path.stroke > 0, path.weight, 0.0), branches_of(free.parameters)  # known without the start
+    if not later.any() or not cable.gaps.any():
+        return None
+    if left(_two_lines(path.with_weight(later), 0.0, cable), later) > _NEARLY * left(free, later):
+        return None
+    tried = LAGS[-1] * path.span * np.linspace(-1.0, 1.0, 15)
+    near = float(tried[int(np.argmin([left(_two_lines(path, lag, cable), path.weight) for lag in tried]))])
+    bounds = near - (tried[1] - tried[0]), near + (tried[1] - tried[0])
+    lag = minimize_scalar(lambda at: left(_two_lines(path, at, cable), path.weight), bounds=bounds, method="bounded").x
+    found = _two_lines(path, float(lag), cable)
+    return found if left(found, path.weight) <= _AS_GOOD * left(free, path.weight) else None
+
+
+def _two_lines(path: Path, lag: float, near: Branches) -> Estimate:
+    """Two straight branches and a play, in a few rounds as in `_settled`; they go on by a part of the range."""
+    ends = _range(path)
+    far = _ONWARD * (ends[1] - ends[0])
+    low, high = ends[0] - far, ends[1] + far
+    cable = near._replace(bends=np.zeros(3), gaps=np.full(3, near.gaps.mean()), reaches=np.ones(1), shares=np.ones(1))
+    cable = cable._replace(low=low, high=high, curve=0.0)
+    for _ in range(_ROUNDS + _PLAYS_ROUNDS):
+        columns = design_of(path.motor, lag, cable) @ _ENDS
+        nodes = _ENDS @ solve_linear(columns, path.joint, path.weight)[0]
+        mean, gap = (np.polynomial.Polynomial.fit(np.linspace(low, high, 3), one, 1) for one in np.split(nodes, 2))
+        meet = float(gap.roots()[0]) if nodes[3] != nodes[5] else np.inf  # where the lines cross they end
+        low = min(ends[0], max(ends[0] - far, meet if nodes[3] < nodes[5] else -np.inf))
+        high = max(ends[1], min(ends[1] + far, meet if nodes[3] > nodes[5] else np.inf))
+        place = np.linspace(low, high, 3)
+        cable = _through(cable._replace(low=low, high=high), mean(place), np.maximum(gap(place), 0.0))
+    return _estimate(path, lag, cable, columns, np.array([lag]), np.zeros((4, 4)))
 
 
 def _with_plays(path: Path, lag: float, cable: Branches) -> Branches:
@@ -216,8 +273,9 @@ def _laid(cable: Branches, low: float, high: float) -> Branches:
 
 def _through(cable: Branches, mean: Array, gaps: Array) -> Branches:
     """The cable with other nodes, its slope and offset those of the mean's line."""
-    slope, offset = _line(cable.low, cable.high) @ mean
-    bends = mean - slope * np.linspace(cable.low, cable.high, _NODES) - offset
+    place = np.linspace(cable.low, cable.high, len(mean))
+    slope, offset = np.linalg.pinv(np.column_stack([place, np.ones(len(mean))])) @ mean  # of their least-squares line
+    bends = mean - slope * place - offset
     return with_curve(cable._replace(slope=float(slope), offset=float(offset), bends=bends, gaps=gaps))
 
 
@@ -310,23 +368,21 @@ def _line_and_gap(sums: Array) -> tuple[Array, Array]:
     return nodes[:_NODES], nodes[_NODES:]
 
 
-def _line(low: float, high: float) -> Array:
-    """What makes slope and offset of the mean's nodes (2, k): their least-squares line."""
-    place = np.linspace(low, high, _NODES)
-    return np.asarray(np.linalg.pinv(np.column_stack([place, np.ones(_NODES)])))
+def _free(path: Path, lag: float, cable: Branches, strengths: tuple[float, float]) -> Estimate:
+    prior = _penalty(strengths, float(path.weight.sum()), _one_seen(cable))
+    return _estimate(path, lag, cable, design_of(path.motor, lag, cable), np.array([lag, *strengths]), prior)
 
 
-def _estimate(path: Path, lag: float, cable: Branches, strengths: tuple[float, float]) -> Estimate:
-    columns = design_of(path.motor, lag, cable)
+def _estimate(path: Path, lag: float, cable: Branches, columns: Array, theta: Array, prior: Array) -> Estimate:
     parameters = {"slope": cable.slope, "offset": cable.offset}
     for name, values in (("reach", cable.reaches), ("share", cable.shares), ("bend", cable.bends), ("gap", cable.gaps)):
         parameters |= {f"{name}_{k}": float(value) for k, value in enumerate(values, 1)}
     parameters |= {"first_node": cable.low, "last_node": cable.high, "initial_lag": lag}
-    names = [f"mean_{k}" for k in range(1, _NODES + 1)] + [f"gap_{k}" for k in range(1, _NODES + 1)]
+    names = [f"{what}_{k}" for what in ("mean", "gap") for k in range(1, columns.shape[1] // 2 + 1)]
     return Estimate(
         parameters=parameters,
         slopes=dict(zip(names, columns.T, strict=True)),
         fitted=joint_angle(path.motor, lag, cable),
-        theta=np.array([lag, *strengths]),
-        prior=_penalty(strengths, float(path.weight.sum()), _one_seen(cable)),
+        theta=theta,
+        prior=prior,
     )

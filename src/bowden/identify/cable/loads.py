@@ -35,7 +35,7 @@ from bowden.identify.cable.fitted import FittedLog, ModelFit
 from bowden.identify.cable.loop import loop_of
 from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.projection import inverse_of, products
+from bowden.identify.cable.projection import inverse_of, nonnegative, products
 from bowden.identify.cable.turns import find_turns
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import Scheduled
@@ -310,12 +310,8 @@ def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledC
 
 def _shares(moved: Sequence[_Moved], frame: _Frame) -> Array:
     """ηᵢ (k,) [1/rad], by non-negative least squares; each log has a static curve of its own beside the plays."""
-    from scipy.optimize import nnls  # half a second, which a simulation need not wait for
-
     sums = np.sum([one.memory for one in moved], axis=0)
-    size = np.sqrt(np.maximum(np.diag(sums)[:-1], 1e-300))
-    lower = np.linalg.cholesky(sums[:-1, :-1] / np.outer(size, size) + 1e-11 * np.eye(len(size)))
-    found = nnls(lower.T, np.linalg.solve(lower, sums[:-1, -1] / size))[0] / size
+    found = nonnegative(sums[:-1, :-1], sums[:-1, -1])
     if not found.any():  # a cable without a loop: any memory will do, and g says that there is none
         found[0] = 1.0
     return np.asarray(found / (found @ frame.half_widths))

@@ -29,6 +29,8 @@ _OUTWARD = ("line", "play", "prandtl_ishlinskii")
 """What is offered where one reversal was seen: left-out stretches then do not show how a bent loop goes on."""
 _TAKEN_OUT = 3
 """Times that a lag is taken out: a loop's model takes a part of it for hysteresis, the less the smaller it is."""
+_FOLLOWED = 200_000
+"""Nodes of the path along which models are judged: of a shorter log each sample is one."""
 _WORSE, _SLIGHT = 1.3, 0.01 / DEGREES
 """A model fitted to the whole log is not taken where its error on it exceeds that of the fit to the first half by this
 factor and by this much [rad]: weights that fade towards the past cost less."""
@@ -75,7 +77,7 @@ def _fit_log(log: Log, seed: int, tell: Progress) -> Fit:
 
     fine, start = half.fine, half.settling.start
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
-    path = build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), len(log.time))
+    path = build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), min(len(log.time), _FOLLOWED))
     models: dict[str, ModelFit] = {}
     counts = np.interp(log.time, half.fine.time, half.counted)
     predicted, kept = np.empty(0), []
@@ -121,6 +123,7 @@ def _fit_log(log: Log, seed: int, tell: Progress) -> Fit:
         drift=drift(path),
         lag=time_lag(fine, half.estimates[best]),
         fitted_from=fitted_from,
+        one_amplitude=fine.span if advice.one_amplitude(fine) else 0.0,
     )
     others = {name: dict(one.parameters) for name, one in models.items() if name != best}
     return Fit(

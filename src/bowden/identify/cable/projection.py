@@ -68,6 +68,18 @@ def inverse_of(gram: Array) -> Array:
     return np.asarray(half @ half.T)
 
 
+def nonnegative(gram: Array, moments: Array) -> Array:
+    """c ≥ 0 (p,) that solves weighted least squares of ΦᵀWΦ (p, p) and ΦᵀW·joint (p,).
+
+    Source: Lawson and Hanson, *Solving Least Squares Problems*, 1974.
+    """
+    from scipy.optimize import nnls  # half a second, which a simulation need not wait for
+
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))  # a column that never moves has none
+    lower = np.linalg.cholesky(gram / np.outer(size, size) + 1e-11 * np.eye(len(size)))
+    return np.asarray(nnls(lower.T, np.linalg.solve(lower, moments / size))[0] / size)
+
+
 def solve_linear(basis: Array, joint: Array, weight: Array) -> tuple[Array, Array]:
     """Weighted least squares: c (p,) and (ΦᵀWΦ)⁻¹, refined once so that the normal equations cost no digits."""
     sums = products(np.column_stack([basis, joint]), weight)

@@ -3,14 +3,14 @@
     joint = slope·motor + Σ weight_i·z_i + offset,    all weights of the slope's sign
 
 Weights of one sign keep the stack invertible and its loops dissipative; the fit (non-negative least squares) then
-leaves only the few plays that the data need. Source: Lawson and Hanson, *Solving Least Squares Problems*, 1974.
+leaves only the few plays that the data need.
 """
 
 import numpy as np
 
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
-from bowden.identify.cable.projection import products, solve_linear
+from bowden.identify.cable.projection import nonnegative, products, solve_linear
 from bowden.plants.predicted import slots_along
 
 _GRID = np.geomspace(2e-3, 0.45, 18)
@@ -34,8 +34,6 @@ class PrandtlIshlinskii:
         return self._solve(path, _GRID * path.span, float(near.theta[0]))
 
     def _solve(self, path: Path, widths: Array, lag: float) -> Estimate:
-        from scipy.optimize import nnls  # half a second, which a simulation need not wait for
-
         slots = slots_along(path.motor, widths, lag)
         basis = np.column_stack([path.motor, slots])
         share = path.weight / path.weight.sum()
@@ -43,11 +41,7 @@ class PrandtlIshlinskii:
         joint = path.joint - share @ path.joint
         sums = products(np.column_stack([centred, joint]), path.weight)
         gram, moments = sums[:-1, :-1], sums[:-1, -1]
-        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))  # a slot that never moves has none
-        lower = np.linalg.cholesky(gram / np.outer(size, size) + 1e-11 * np.eye(len(size)))
-        wanted = np.asarray(np.linalg.solve(lower, moments / size), dtype=np.float64)
-        sign = 1.0 if moments[0] >= 0.0 else -1.0
-        weights = nnls(lower.T, sign * wanted)[0]
+        weights = nonnegative(gram, np.copysign(1.0, moments[0]) * moments) * np.sqrt(np.diag(gram))
         active = np.flatnonzero(weights[1:] > 1e-6 * weights.max())
         kept = np.column_stack([path.motor, slots[:, active], np.ones_like(path.motor)])
         linear, _ = solve_linear(kept, path.joint, path.weight)

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from bowden.core.units import DEGREES
-from bowden.identify.cable.advice import FOLLOWS, SLIGHT, WORSE, following, lags
+from bowden.identify.cable.advice import FOLLOWS, INNER_UNSEEN, SLIGHT, WORSE, following, lags
 from bowden.identify.cable.cycles import FOR_YES
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import FittedLog
@@ -43,7 +43,8 @@ def trust(fit: Fit, known: Trust | None = None) -> Trust:
     said += f", {_degrees(one.line_rms)} of a straight line" if fit.best.name != "line" else ""
     counts = _rounding(fit, one)
     said += f"; the encoders' rounding alone makes {_degrees(counts)}" if counts else ""
-    judged = least([Trust("yes", (f"within the motion of this log ({ends} at the joint)", said)), *doubts])
+    inner = (INNER_UNSEEN.format(one.one_amplitude * DEGREES),) if one.one_amplitude else ()
+    judged = least([Trust("yes", (f"within the motion of this log ({ends} at the joint)", *inner, said)), *doubts])
     return judged if judged.level == "yes" else Trust(judged.level, (*judged.reasons, said))
 
 

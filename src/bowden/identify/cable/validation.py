@@ -27,6 +27,8 @@ from bowden.identify.cable.path import Path
 from bowden.plants.predicted import PREDICTED
 
 _FOLDS, _STRETCHES = 5, 20
+_JUDGED = 1_000_000
+"""Samples that judge a fold: of a log with twice as many and more, every so many."""
 _TWENTIETH = 1.05**2 - 1.0
 """Of the squared error, what a twentieth of the error is."""
 
@@ -79,23 +81,23 @@ def left_out_errors(
         time: of the log's samples, on which they are judged (m,) [s].
         joint: recorded then (m,) [rad].
     """
-    fold, seen = fold_of(path), path.weight > 0
-    nodes, stroke = path.time[seen], path.stroke[seen]
+    fold, seen, every = fold_of(path), path.weight > 0, max(1, len(time) // _JUDGED)
+    time, joint, nodes, stroke = time[::every], joint[::every], path.time[seen], path.stroke[seen]
     after = np.searchsorted(nodes, time).clip(1, len(nodes) - 1)
     own = np.where((stroke[after - 1] == stroke[after]) & (time <= nodes[-1]), fold[seen][after], -1)
-    samples = [np.flatnonzero(own == one) for one in range(_FOLDS)]  # of strokes that were read
-    thinned = fold_of(thin)
+    thinned, judged = fold_of(thin), []
+    for one in range(_FOLDS):
+        mine = own == one  # of strokes that were read
+        if mine.any() and (thinned == one).any():
+            rest = thin.with_weight(np.where(thinned == one, 0.0, thin.weight))
+            judged.append((rest, time[mine], joint[mine], np.interp(time[mine], path.time, counted)))
     found: dict[str, Array] = {}
     for family in families:
         errors = []
-        for one, mine in enumerate(samples):
-            if not len(mine) or not (thinned == one).any():
-                continue
-            rest = thin.with_weight(np.where(thinned == one, 0.0, thin.weight))
+        for rest, at, measured, weights in judged:
             member = family.refit(rest, estimates[family.name])
-            predicted = np.interp(time[mine], nodes, PREDICTED[family.name](member.parameters, path.motor)[seen])
-            weights = np.interp(time[mine], path.time, counted)
-            errors.append(float(np.average((predicted - joint[mine]) ** 2, weights=weights)))
+            predicted = np.interp(at, nodes, PREDICTED[family.name](member.parameters, path.motor)[seen])
+            errors.append(float(np.average((predicted - measured) ** 2, weights=weights)))
         found[family.name] = np.array(errors)
     return found
 

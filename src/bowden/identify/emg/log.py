@@ -183,7 +183,7 @@ def _recording(table: Table, names: tuple[str, ...], declared: float | None, pat
         raise LogError(f"{path}: {len(even) / rate:.3g} s", expected=f"at least {_SHORTEST:g} s of EMG")
     for name, values in zip(names, columns, strict=True):
         check_signal(name, values, rate, str(path))
-    units = {suffix[1] if (suffix := _UNIT.search(name)) else "" for name in names}
+    units = {channel_unit(name) for name in names}
     unit = units.pop() if len(units) == 1 else ""
     return EmgRecording(np.column_stack(columns), rate, float(even[0]), names, unit, tuple(warnings))
 
@@ -259,7 +259,7 @@ def check_signal(name: str, values: Array, rate: float, where: str) -> None:
         LogError: flat, clipped, or too large to be one.
     """
     low, high = float(values.min()), float(values.max())
-    unit = suffix[1] if (suffix := _UNIT.search(name)) else ""
+    unit = channel_unit(name)
     most = largest(unit)
     if not max(-low, high) <= most:
         raise LogError(

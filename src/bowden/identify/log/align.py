@@ -98,16 +98,17 @@ def aligned(motor: tuple[Array, Array], joint: tuple[Array, Array]) -> Aligned:
 
 def _correlated(first: Array, angle: Array, second: Array, answer: Array, step: float) -> tuple[float, float]:
     """How much later the second's clock began [s], and the correlation of both rates there, whatever its sign."""
+    from scipy.signal import correlate
+
     rates = []
     for time, values in ((first, angle), (second, answer)):
         even = np.interp(np.arange(0.0, time[-1], step), time, values)
         rate = np.gradient(np.convolve(even, np.ones(5) / 5.0, "same"))
         rate[:5] = rate[-5:] = 0.0
         rates.append(rate / max(float(np.sqrt(rate @ rate)), 1e-300))
-    size = 1 << (len(rates[0]) + len(rates[1])).bit_length()
-    found = np.fft.irfft(np.fft.rfft(rates[0], size) * np.conj(np.fft.rfft(rates[1], size)), size)
+    found = correlate(rates[0], rates[1], method="fft")
     best = int(np.argmax(np.abs(found)))
-    shift = best if best < len(rates[0]) else best - size
+    shift = best - len(rates[1]) + 1
     overlap = (max(0, shift), min(len(rates[0]), len(rates[1]) + shift))
     share = np.linalg.norm(rates[0][slice(*overlap)]) * np.linalg.norm(
         rates[1][overlap[0] - shift : overlap[1] - shift]

@@ -253,7 +253,8 @@ def without_outliers(angle: Angle, time: Array, where: Callable[[int], str]) -> 
     values = angle.values
     middle = median_filter(values, 5, mode="nearest")
     beside = np.abs(values - middle)
-    usual = float(np.sort(beside)[-1 - max(2, int(_RARE * len(beside)))])
+    rare = -1 - max(2, int(_RARE * len(beside)))
+    usual = float(np.partition(beside, rare)[rare])
     far = beside > max(_OUTLIER * float(np.ptp(middle)), _BEYOND_USUAL * usual)
     steps = np.diff(time)
     gaps = np.flatnonzero(steps > GAP * np.median(steps))

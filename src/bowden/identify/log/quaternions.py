@@ -58,29 +58,14 @@ def angle_of(bodies: Sequence[Array]) -> Array:
     >>> angle_of([turned]).round(6).tolist()
     [0.0, 0.5, 1.0, 1.5, 2.0]
     """
-    found = bodies[-1] if len(bodies) == 1 else _product(_conjugate(bodies[0]), bodies[1])
-    known = np.isfinite(found).all(axis=0)
-    found = _product(_conjugate(found[:, known][:, :1]), found)
-    vectors = found[1:, known]
-    axis = np.linalg.svd(vectors @ vectors.T)[0][:, 0]
+    from scipy.spatial.transform import Rotation
+
+    known = np.asarray(np.isfinite(np.concatenate(bodies)).all(axis=0))
+    turned = [Rotation.from_quat(one[:, known].T, scalar_first=True) for one in bodies]
+    between = turned[0].inv() * turned[1] if len(turned) == 2 else turned[0]
+    w, *vectors = (between[0].inv() * between).as_quat(scalar_first=True).T
+    axis = np.linalg.svd(np.stack(vectors) @ np.stack(vectors).T)[0][:, 0]
     axis *= np.sign(axis[np.argmax(np.abs(axis))])  # the same way round whatever the log
-    angle = np.full(found.shape[1], np.nan)
-    angle[known] = np.unwrap(2.0 * np.arctan2(axis @ vectors, found[0, known]))
+    angle = np.full(len(known), np.nan)
+    angle[known] = np.unwrap(2.0 * np.arctan2(axis @ vectors, w))
     return angle
-
-
-def _conjugate(one: Array) -> Array:
-    return one * np.array([[1.0], [-1.0], [-1.0], [-1.0]])
-
-
-def _product(a: Array, b: Array) -> Array:
-    w, x, y, z = a
-    s, t, u, v = b
-    return np.stack(
-        [
-            w * s - x * t - y * u - z * v,
-            w * t + x * s + y * v - z * u,
-            w * u - x * v + y * s + z * t,
-            w * v + x * u - y * t + z * s,
-        ]
-    )

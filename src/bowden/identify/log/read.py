@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -79,7 +80,7 @@ class Log:
     encoders: Encoders = NOT_SAID
     """One count of each, where somebody said how many make a turn."""
 
-    @property
+    @cached_property
     def resolutions(self) -> tuple[float, float]:
         """One count of motor's and joint's encoder; zero where none can be determined [rad]."""
         return self.counts or (resolution(self.motor), resolution(self.joint))
@@ -426,15 +427,15 @@ def prepare(
     counts = (resolution(motor.radians), resolution(joint.radians)) if clock else None
     even, motor_at, joint_at, repeats, seldom = at_new_readings(even, motor_at, joint_at)
     found = "the joint turns round before the motor does: motor and joint look swapped; exchange their columns"
-    swapped = Trust("no", (found,))
+    swapped, turns = Trust("no", (found,)), reversals(motor_at, least_swing(motor_at))
     doubts = (
         *doubts,
         *unit_doubts(motor, joint, apart=apart),
         *odd_time(even, motor_at, joint_at),
         *seldom,
-        *([swapped] if checks.look_swapped(motor_at, joint_at) else []),
+        *([swapped] if checks.look_swapped(motor_at, joint_at, turns) else []),
     )
-    if (stop := checks.stopped_at(motor_at, joint_at)) is not None:
+    if (stop := checks.stopped_at(motor_at, joint_at, turns)) is not None:
         at, on = (one * DEGREES for one in stop)
         why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
         doubts = (*doubts, Trust("with care", (why,)))

@@ -24,7 +24,6 @@ from bowden.records.metrics import sample_time
 
 Array = NDArray[np.float64]
 
-LEAST_SAMPLES = 50
 _SMALLEST_STEP = 0.5 * RADIANS
 """Span of the command below which nothing was asked of the servo [rad]."""
 _LONGEST_DELAY = 0.2
@@ -258,15 +257,7 @@ def _slopes(values: Array, dt: float) -> Array:
 
 
 def _checked(time: Array, command: Array, motor: Array) -> float:
-    """The sample time of a log that can be fitted [s]."""
-    if len(time) < LEAST_SAMPLES or not len(time) == len(command) == len(motor):
-        raise LogError(
-            f"a servo log with {len(time)}, {len(command)} and {len(motor)} samples of time, command and motor",
-            expected=f"the same number of each, {LEAST_SAMPLES} at least",
-        )
-    for name, values in (("time", time), ("command", command), ("motor", motor)):
-        if not np.isfinite(values).all():
-            raise LogError(f"{name} of the servo log is not finite at sample {int(np.argmin(np.isfinite(values)))}")
+    """The sample time of a log that can be fitted; its reader has seen that it is one [s]."""
     dt = sample_time(time)
     span, answered = float(np.ptp(command)), float(np.ptp(motor))
     if span < _SMALLEST_STEP:

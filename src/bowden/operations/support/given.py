@@ -103,7 +103,7 @@ class LawRuns(NamedTuple):
     runs: dict[str, Any]
     """Name of the law → its run; laws of one name get a number."""
     interrupted: bool
-    """Whether an interruption ended it before the last law was done."""
+    """True if an interruption ended it before the last law was done."""
 
 
 def in_turn(laws: Sequence[Law], run: Callable[[int], Any], progress: Progress) -> LawRuns:

@@ -77,7 +77,7 @@ class OperationParameter(NamedTuple):
     means: str
     """What the docstring says of it."""
     alone: bool
-    """Whether it is an option, and not given by its place."""
+    """True if it is an option, and not given by its place."""
     plain: Any
     """Type that Python takes, where it is a plain one; else None."""
     is_rig: bool

@@ -19,14 +19,14 @@ Value = TypeVar("Value")
 
 @dataclass(frozen=True)
 class Result(Documented, Generic[Value]):
-    """What an operation found.
+    """Result of an operation.
 
     The fields after ``_: KW_ONLY`` are no part of the JSON: they are what views draw and Python gets.
     """
 
     _: KW_ONLY
     notes: tuple[str, ...] = ()
-    """What the user should know."""
+    """Notes for the user."""
     needless: tuple[str, ...] = ()
     """Those of the notes that the figures say too: they do not stand beside a JSON document."""
     interrupted: str = ""
@@ -56,7 +56,7 @@ class Result(Documented, Generic[Value]):
 
 @dataclass(frozen=True)
 class TrustLevel(Documented):
-    """Whether to trust a cable's model."""
+    """Level of trust in a cable's model."""
 
     level: Literal["yes", "with care", "no"]
     reasons: tuple[str, ...]

@@ -7,6 +7,8 @@ from typing import Annotated, Literal, NamedTuple
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
+from bowden.hardware.buses.place import EXTENDED
+from bowden.hardware.drives import ak_frames as frames
 from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.ak_frames import HIGHEST_KD, HIGHEST_KP, HIGHEST_POSITION, MODELS, AkModel, error_text
@@ -15,6 +17,9 @@ from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.rig.families import LOST, DriveNeeds
 
+UPLOAD, UPLOADS = 0x29, 500.0
+"""Packet number with which a board in servo mode, and one of V3, tells its state by itself (CubeMars, manuals V1.0.8,
+5.2, and V3.0.0, 4.3.1); and how often at most [Hz]."""
 ROOM = 0.2
 """Of the drive's position, to both ends of its range: a target never comes nearer [rad]."""
 FINEST = 0.02
@@ -38,6 +43,9 @@ class AkParameters(NamedTuple):
         Literal["AK10-9", "AK60-6", "AK70-10", "AK80-6", "AK80-9", "AK80-64"],
         Quantity("which drive; its ranges depend on it, and no frame has them"),
     ] = "AK80-9"
+    board: Annotated[
+        Literal["v2", "v3"], Quantity("generation of its driver board: V1 and V2 alike, or V3, whose frames are others")
+    ] = "v2"
     node_id: Annotated[int, Quantity("the drive's number, its CAN ID", ge=1, le=127)] = 1
     reply_id: Annotated[
         int,
@@ -63,10 +71,7 @@ class AkParameters(NamedTuple):
             le=1000.0,
         ),
     ] = 20e-3
-    no_limb: Annotated[
-        bool,
-        Quantity("true where no limb can be in the rig; such a drive is powered on no other, as its timeout is unseen"),
-    ] = False
+    no_limb: on_can.NoLimb = False
     temperature_zero: Annotated[
         Literal[0, 40], Quantity("what the drive's temperature byte says at 0 °C: 40 by later editions of its manual")
     ] = 0
@@ -82,11 +87,20 @@ class AkParameters(NamedTuple):
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`; replies have the drive's number in them, so that several drives may share theirs."""
         replies = {reply_id(self): "reply_id"}
-        return {**identifiers_of(self), **replies, self.node_id: "node_id"}
+        return {**identifiers_of(self), **replies, command_id(self): "node_id"}
 
     def rules(self) -> Iterator[on_can.Rule]:
         """See `on_can.require`."""
+        table = frames.MODELS_V3 if self.board == "v3" else MODELS
+        yield "model", self.model in table, f"of a board {self.board.upper()}: {', '.join(table)}"
         model, needs, least = model_of(self), self.needs, LOST * self.needs.sample_time
+        if self.board == "v3":
+            yield (
+                "sample_time",
+                needs.sample_time >= 1.0 / UPLOADS,
+                "2 ms or more: a board V3 tells 500 states a second",
+            )
+            yield "torque_offset", needs.torque_offset == 0.0, "0: whether a V3's torque is in N·m or A is not known"
         yield "joint_counts_per_turn", float(self.joint_counts_per_turn).is_integer(), "a whole number from 1 on"
         told = f"at least {1e3 * least:g} ms, three cycles, so that one lost frame does no harm; or 0"
         yield "watchdog", self.watchdog == 0.0 or self.watchdog >= least, told
@@ -118,17 +132,29 @@ class AkParameters(NamedTuple):
                     f"drive.motor_hint_deg is {self.motor_hint / RADIANS:g}",
                     expected="an angle within the motor's range in [limits]",
                 )
-        check_beside(self, {self.node_id: "node_id", reply_id(self): "reply_id"})
+        check_beside(self, {command_id(self): "node_id", reply_id(self): "reply_id"})
 
 
 def reply_id(drive: AkParameters) -> int:
-    """Identifier of its replies."""
+    """Identifier of its replies, or of the states that it tells by itself."""
+    if drive.board == "v3":
+        return EXTENDED | UPLOAD << 8 | drive.node_id
     return drive.node_id if drive.reply_id < 0 else drive.reply_id
 
 
 def model_of(drive: AkParameters) -> AkModel:
     """Its ranges."""
-    return MODELS[drive.model]
+    return {**MODELS, **frames.MODELS_V3}[drive.model] if drive.board == "v3" else MODELS[drive.model]
+
+
+def command_id(drive: AkParameters) -> int:
+    """Identifier of commands to it."""
+    return EXTENDED | 0x800 | drive.node_id if drive.board == "v3" else drive.node_id
+
+
+def torque_per_ampere(drive: AkParameters) -> float:
+    """At the output shaft [N·m/A]."""
+    return drive.needs.gear * drive.needs.torque_constant
 
 
 def largest_torque(drive: AkParameters) -> float:
@@ -177,7 +203,7 @@ FAMILY = on_can.family(
     options=("object",),
     follows=following,
     watchdog=lambda drive: drive.watchdog or math.inf,
-    scales=("model", "motor_direction", "joint", "joint_counts_per_turn", "joint_direction"),
+    scales=("model", "board", "motor_direction", "joint", "joint_counts_per_turn", "joint_direction"),
     explain=lambda code: FINDINGS.get(code) or error_text(code),
     most=most_push,
     unseen_watch=lambda parameters: (

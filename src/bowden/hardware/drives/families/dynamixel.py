@@ -96,11 +96,11 @@ class DynamixelParameters(NamedTuple):
     """
 
     family: Annotated[Literal["dynamixel"], Quantity("family of the drive")] = "dynamixel"
-    interface: servos.LineInterface = "bowden_unix"
-    channel: servos.LineChannel = "bowden"
+    interface: on_can.BusInterface = "bowden_unix"
+    channel: on_can.BusChannel = "bowden"
     bitrate: Annotated[
         Literal[57600, 115200, 1000000, 2000000, 3000000, 4000000],
-        Quantity("of the line, as it is set in every servo on it (Baud Rate)", "bit/s"),
+        Quantity("as it is set in every servo on the line", "bit/s"),
     ] = 1_000_000
     model: Annotated[
         Literal[
@@ -116,8 +116,8 @@ class DynamixelParameters(NamedTuple):
     mode: Annotated[
         Literal["current", "extended"],
         Quantity(
-            "as it is set (Operating Mode): current-based position (5), whose current is limited by the rig's; or "
-            "extended position (4), by the servo's own limit"
+            "Operating Mode: current-based position (5), limited by the rig's current; or extended position (4), by "
+            "the servo's own"
         ),
     ] = "current"
     return_delay: servos.ReturnDelay = 0.0
@@ -128,21 +128,25 @@ class DynamixelParameters(NamedTuple):
     watchdog: Annotated[
         float,
         Quantity(
-            "Bus Watchdog, which is set and read back: silence of ours after which the servo stops and holds, in "
-            "steps of 20 ms",
+            "silence after which the servo stops and holds (Bus Watchdog), 20 or 40 ms",
             "s",
             shown="ms",
             ge=20.0,
             le=40.0,
         ),
     ] = 40e-3
-    no_limb: servos.NoLimb = False
+    no_limb: on_can.NoLimb = False
     joint: servos.JointServo = "servo"
-    joint_node_id: servos.JointNumber = 2
+    joint_node_id: joints.JointNode = 2
     joint_direction: joints.JointDirection = 1
     joint_home: joints.JointHome = 0.0
     answer_timeout: on_can.AnswerTimeout = 0.1
     needs: DriveNeeds = DriveNeeds(gear=1.0, torque_constant=1.78, sample_time=5e-3)
+
+    @property
+    def multi_turn(self) -> bool:
+        """Whether it goes beyond a turn."""
+        return True
 
     @property
     def table(self) -> ServoTable:
@@ -151,7 +155,7 @@ class DynamixelParameters(NamedTuple):
 
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`."""
-        return {**({self.joint_node_id: "joint_node_id"} if self.joint == "servo" else {}), self.node_id: "node_id"}
+        return servos.identifiers(self)
 
     def rules(self) -> Iterator[on_can.Rule]:
         """See `on_can.require`."""
@@ -170,13 +174,7 @@ class DynamixelParameters(NamedTuple):
         mode = {"current": 5, "extended": 4}[self.mode]
         named = f"{mode}, drive.mode = {self.mode}"
         yield Setting("Operating Mode", is_about(mode), named, "is in another mode", wizard.format("mode"))
-        yield Setting(
-            "Return Delay Time",
-            is_about(round(self.return_delay / 2e-6)),
-            f"{self.return_delay / 2e-6:.0f}, {1e3 * self.return_delay:g} ms",
-            "answers later or sooner than the rig says",
-            wizard.format("return_delay_ms"),
-        )
+        yield servos.delay_setting(self)
         yield Setting(
             "Drive Mode",
             is_about(0.0),
@@ -215,7 +213,7 @@ class DynamixelParameters(NamedTuple):
         return {
             "Model Number": self.table.model,
             "Firmware Version": 48,
-            "Return Delay Time": round(self.return_delay / 2e-6),
+            "Return Delay Time": round(self.return_delay / servos.DELAY_STEP),
             "Operating Mode": {"current": 5, "extended": 4}[self.mode],
             "Current Limit": round((self.needs.current_limit or 3.0) / self.table.current_step) + 1,
             "Status Return Level": 2,
@@ -247,7 +245,7 @@ def error_text(code: int) -> str:
 
 FAMILY = on_can.family(
     DynamixelParameters(),
-    "A ROBOTIS Dynamixel of the X or P series, and one on the joint, on a serial line; `bowden twin` plays both.",
+    "A ROBOTIS Dynamixel, X or P series, and one on the joint; `bowden twin` plays both.",
     driver="drives.servo_drive.ServoDrive",
     node="twin.servo_node.ServoNode",
     probe="drives.servo_drive.probe",
@@ -261,6 +259,7 @@ FAMILY = on_can.family(
         "its supply is cut"
     ),
     no_limb=lambda drive: drive.no_limb,
+    holds=True,
     example={
         "bench": {"sample_time_ms": 5.0},
         "servo": {"speed_limit_deg_per_s": 276.0},
