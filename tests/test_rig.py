@@ -303,6 +303,7 @@ def test_another_law_takes_none_of_this_ones_gains() -> None:
         ({"delay": 1.5}, "delay is 1.5; expected a whole number"),
         ({"duration": 1e-9}, "expected a duration that makes 2 to 10000000"),
         ({"limits": Limits(motor_high="2")}, "limits.motor_high is '2'; expected a number"),
+        ({"limits": {"motor_high": None}}, "limits.motor_high is None; expected a number"),
         ({"emg": EmgSettings(source="carrier:pigeon")}, "is not a source of EMG"),
         ({"reference": 3.0}, "reference is 3.0; expected a reference such as"),
     ],

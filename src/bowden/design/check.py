@@ -58,7 +58,7 @@ _AFTER_COUNT = 10
 
 
 @dataclass(frozen=True)
-class Loop:
+class LinearLoop:
     """One linear loop of all motors."""
 
     point: Point
@@ -94,7 +94,7 @@ class Subject(Protocol):
 
     def linear(
         self, ends: Sequence[Bends], estimates: Sequence[Visited], width: float, *, reversals: bool
-    ) -> list[Loop]:
+    ) -> list[LinearLoop]:
         """The linear loops at every bend and slope with every set of estimates, seen through differences of a width."""
         ...
 
@@ -126,10 +126,10 @@ class _OneMotor:
 
     def linear(
         self, ends: Sequence[Bends], estimates: Sequence[Visited], width: float, *, reversals: bool
-    ) -> list[Loop]:
+    ) -> list[LinearLoop]:
         bends, own = [bend for (bend,) in ends], [values for (values,) in estimates]
         points = linear_points(*self.plants, *self.laws, bends, own, width, self.stroke, reversals=reversals)
-        return [Loop(point, (point.bend,)) for point in points]
+        return [LinearLoop(point, (point.bend,)) for point in points]
 
     def response(self, bends: Bends) -> tuple[Array, Complex]:
         return describing_function(self.plants[0], bends[0], self.stroke)
@@ -268,7 +268,7 @@ def _tried(subject: Subject, ends: Sequence[Bends], later: int = 0) -> _Tried:
     return _Tried(tuple(trials), estimates, drift)
 
 
-def _shared(loops: Sequence[Loop], drift: float | None) -> SharedFindings:
+def _shared(loops: Sequence[LinearLoop], drift: float | None) -> SharedFindings:
     taut = dict.fromkeys(loop.at for loop in loops)
     found = tuple(_taut_loop(at, [loop.point for loop in loops if loop.at == at]) for at in taut)
     return SharedFindings(found, drift, max(loop.apart for loop in loops))

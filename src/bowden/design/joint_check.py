@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bowden.core.units import DEGREES, RADIANS
-from bowden.design.check import Array, Bends, Complex, Laws, Loop, Visited, check_motors, largest_change, usable
+from bowden.design.check import Array, Bends, Complex, Laws, LinearLoop, Visited, check_motors, largest_change, usable
 from bowden.design.check_result import Check, Point
 from bowden.design.joint_loops import MotorLoop, cases, joint_margins, reaches
 from bowden.design.limit_cycle import AMPLITUDES, MEASURED, describing_function
@@ -52,8 +52,8 @@ class _SeveralMotors:
 
     def linear(
         self, ends: Sequence[Bends], estimates: Sequence[Visited], width: float, *, reversals: bool
-    ) -> list[Loop]:
-        motors, dt, found = self.joint.motors, self.joint.first.sample_time, list[Loop]()
+    ) -> list[LinearLoop]:
+        motors, dt, found = self.joint.motors, self.joint.first.sample_time, list[LinearLoop]()
         said = ["all cables taut", *(f"{one.name} alone taut" for one in motors)]
         for values in estimates:
             models = [
@@ -79,7 +79,7 @@ class _SeveralMotors:
                         margins = joint_margins(loops, self.joint.load, taut, dt)
                         reach = float(np.sum(reaches(loops, self.joint.load, taut)))
                         point = Point(bends[0], reach, own, margins.joint, at + beside, jump)
-                        found.append(Loop(point, bends, at, margins.apart))
+                        found.append(LinearLoop(point, bends, at, margins.apart))
         return found
 
     def response(self, bends: Bends) -> tuple[Array, Complex]:

@@ -118,7 +118,8 @@ def checked_value(value: Any, kind: Any, quantity: Quantity, name: str) -> Any:
     given = _plain(value, kind)
     if quantity.follows and isinstance(given, float) and math.isnan(given):
         return math.nan  # the one object, so that equal rigs are equal
-    if isinstance(given, float) and not has_size(given):  # as of a file, when it is read
+    absent = given is None and optional(kind) is None  # which a file may leave out, where a limit follows
+    if absent or (isinstance(given, float) and not has_size(given)):  # sizes as of a file, when it is read
         raise _refused(given, optional(kind) or kind, quantity, name)
     try:
         _type_of(kind, quantity).validate_python(_in_file(given, quantity.factor))
@@ -163,7 +164,7 @@ def _refused(value: Any, kind: Any, quantity: Quantity, name: str) -> ParameterE
         return ParameterError(f"Rig: {name} is {said}", expected=near(str(value), map(str, get_args(kind))), do=_GIVE)
     if get_origin(kind) is tuple:
         return ParameterError(f"Rig: {name} is {said}", expected="several numbers", do="for example [0.0, 1.0]")
-    if isinstance(value, float) or (type(value) is int and kind is int):
+    if kind in (float, int) and (isinstance(value, float) or (type(value) is int and kind is int)):
         return ParameterError(
             f"Rig: {name} is {value:g}", expected=_expected(kind, quantity), do=_in_degrees(value, quantity)
         )
