@@ -114,12 +114,20 @@ def export(
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
     from bowden.rig.counts import counts_of, guessed
+    from bowden.rig.notes import NO_SOURCE
 
     whole = given.under(given.rig_of(rig).only(motor), law, preset)
     own, name = whole.fitted(), given.name_of(whole)
     refused = refusals(given.rig_of(rig))
     if refused and not force:
         raise ParameterError(refused[0], do=f"or export it anyway with {argument('force', True)}")
+    if whole.joint_sensor.estimated:
+        raise ParameterError(
+            f"the joint's angle is an estimate (joint_sensor.source is {whole.joint_sensor.source!r}), which is not "
+            "exported",
+            expected="a rig with an encoder at the joint",
+            do='write source = "encoder" into [joint_sensor], and read an encoder in board_joint',
+        )
     output_folder(folder, argument("folder"))
     if target not in TARGETS:
         do = f"correct {argument('target')}"
@@ -149,7 +157,7 @@ def export(
     notes = (
         doubt,
         f"{' and '.join(kept)} in {folder} stay as they are: they are yours" if kept else "",
-        *whole.notes,
+        *(note for note in whole.notes if note != NO_SOURCE or not (emg or emg_rate)),
         *refused,
         verdict.note,
     )

@@ -27,6 +27,10 @@ _SAME_COUNT = 0.01
 """Two encoders' counts that differ by less are the same [–]."""
 _WRITTEN = 1e-3
 """A limit further from its default was written by somebody; the default's own text in degrees is rounded [rad]."""
+NO_SOURCE = (
+    "[emg] has no source, so the joint follows [reference]; set emg.source, or give simulate and run one with --emg"
+)
+"""Note on a rig whose EMG moves nothing in a run; an export reads it at the board."""
 
 
 def notes(rig: Rig) -> tuple[str, ...]:
@@ -57,10 +61,7 @@ def notes(rig: Rig) -> tuple[str, ...]:
             f"limits.lowering_deg_per_s is {asked / RADIANS:.4g}; {why} than {slower / RADIANS:.3g}, which is used"
         )
     if rig.emg.source is None and rig.emg != PARTS["emg"].default:
-        notes.append(
-            "[emg] has no source, so the joint follows [reference]; set emg.source, or give simulate and run one "
-            "with --emg"
-        )
+        notes.append(NO_SOURCE)
     if rig.emg.levels is not None and not rig.emg.levels.sigma:
         notes.append(f"{rig.emg.wearer} was {wearer_file.EARLIER}")
     if rig.worn is None or not rig.admittance.enabled:
