@@ -6,6 +6,7 @@ from typing import Any
 
 import can
 import pytest
+import tomlkit
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -17,7 +18,7 @@ from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.of_rig import twin_plant_of
-from bowden.rig.families import names
+from bowden.rig.families import family_named, names
 from bowden.rig.rig import Rig
 from support.memory_bus import DriverLoop, asking
 
@@ -127,7 +128,9 @@ NARROW: dict[str, list[dict[Any, float]]] = {
         {"servopos.position_min": -0.2},
     ],
     "odrive": [{"axis0.controller.config.vel_limit": 8.0}, {"axis0.config.motor.current_soft_max": 9.0}],
+    "dynamixel": [{38: 100, 39: 0}],
     "ak_mit": [],
+    "feetech": [],
 }
 """Family → limits of its drive that are narrower than the rig's."""
 assert set(NARROW) == set(names())
@@ -137,13 +140,18 @@ assert set(NARROW) == set(names())
 def test_a_rig_beyond_the_drives_limits_is_told_a_value_that_is_within(
     family: str, own: dict[Any, float], tmp_path: Path
 ) -> None:
-    rig, text = tmp_path / "rig.toml", f'[drive]\nfamily = "{family}"\nanswer_timeout_ms = 50.0\n'
-    rig.write_text(text, encoding="utf-8")
+    rig, tree = tmp_path / "rig.toml", dict[str, Any]()
+    for title, keys in family_named(family).example.items():
+        first, _, second = title.partition(".")
+        tree.setdefault(first, {}).update({second: keys} if second else keys)
+    tree.setdefault("drive", {}).update(family=family, answer_timeout_ms=50.0)
+    rig.write_text(tomlkit.dumps(tree), encoding="utf-8")
     with pytest.raises(DriveError, match="beyond the drive's own") as refused:
         DriverLoop(Rig.read(rig).drive_parameters, own).drive.bring_up()
-    told = re.search(r"write (\w+ = \S+) into (\[\w+\])", str(refused.value))
+    told = re.search(r"write (\w+) = (\S+) into \[(\w+)\]", str(refused.value))
     assert told
-    rig.write_text(f"{text}{told[2]}\n{told[1]}\n", encoding="utf-8")
+    tree.setdefault(told[3], {})[told[1]] = float(told[2])
+    rig.write_text(tomlkit.dumps(tree), encoding="utf-8")
     DriverLoop(Rig.read(rig).drive_parameters, own).drive.bring_up()
 
 
