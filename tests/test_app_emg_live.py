@@ -146,7 +146,7 @@ def test_a_stream_that_dies_ends_the_run_in_a_release(tmp_path: Path, recording:
     assert process.returncode == 1
     assert found["faults"] == ["EMG lost"], found
     assert found["mode"] == "latched"
-    assert "base station" in found["remedies"][0]
+    assert "the process that reads the stream stalled or ended" in found["remedies"][0]
 
 
 def _reading(parent: int) -> int:

@@ -70,7 +70,7 @@ def live_run() -> np.ndarray:
         mode, target, state = verdict.mode, verdict.target, cycle.recorded()
         rows.append(
             (
-                *(k * DT, *reference, *reading, *state.sample, requested_target),
+                *(k * DT, *reference, *reading, *state.sample[:2], requested_target),
                 *(*verdict, source, lateness, elapsed, 0.0, float(request), 0.05, 1.0, observed.preflight, 0.0),
                 *(math.nan, 8e-5),
                 *(*state.law, *state.conditioned, *state.supervisor, *gains.recorded),
@@ -109,9 +109,9 @@ def write(path: Path, rows: np.ndarray, settings: dict[str, Any], *, close: bool
 
 def test_the_columns_are_in_the_order_in_which_the_loop_fills_them() -> None:
     names = list(CYCLE)
-    assert tuple(names[4:18]) == DriveReading._fields
-    assert tuple(name.removesuffix("_seen") for name in names[18:20]) == Sample._fields
-    assert ("target", *names[22:26]) == Verdict._fields
+    assert tuple(names[4:21]) == DriveReading._fields
+    assert tuple(name.removesuffix("_seen") for name in names[21:23]) == Sample._fields[:2]
+    assert ("target", *names[25:29]) == Verdict._fields
 
 
 def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: str, code: int = 0) -> Any:

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("state")
         ([], "[drive]\nnode_id = 5\n", "no drive answers as node 5; there is node 1"),
         pytest.param(["1000:0=0x00030191"], "", "device profile 401", marks=pytest.mark.long),
         pytest.param(["6061:0=1"], "", "stays in mode 1", marks=pytest.mark.long),
-        (["607D:1=-1000", "607D:2=1000", "6502:0=0x3A5"], "", "lowest motor angle is -0.3"),
+        (["607D:1=-1000", "607D:2=1000", "6502:0=0x3A5"], "", "lowest motor angle is -17.19°"),
     ],
 )
 def test_a_drive_that_will_not_do_is_refused_and_never_enabled(

@@ -23,6 +23,7 @@ EXTRA_MODULES = {
     "rosbags": "rosbag",
     "h5py": "hdf5",
     "pylsl": "lsl",
+    "imufusion": "imu",
     "serial": "serial",
     "dask": "cluster",
     "distributed": "cluster",

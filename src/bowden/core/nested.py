@@ -67,9 +67,9 @@ def name_of(path: Path) -> str:
 def names(example: Any, prefix: str = "") -> list[str]:
     """The columns of a state, in their order: unique, and the same for every value of its type.
 
-    >>> from bowden.core.signals import Sample
-    >>> names(Sample(0.0, 0.0), "law")
-    ['law.joint', 'law.motor']
+    >>> from bowden.core.signals import Reference
+    >>> names(Reference(0.0, 0.0, 0.0), "law")
+    ['law.position', 'law.velocity', 'law.acceleration']
     """
     return [name_of((prefix, *path) if prefix else path) for path, _ in leaves(example)]
 
@@ -134,9 +134,10 @@ def _units_of(kind: Any) -> Mapping[str, str]:
 def from_columns(example: Any, row: Mapping[str, float], prefix: str = "") -> Any:
     """The state like `example` that a row's columns have; what else is in the row is not looked at.
 
-    >>> from bowden.core.signals import Sample
-    >>> from_columns(Sample(0.0, 0.0), {"law.joint": 1.0, "law.motor": 2.0, "time": 0.0}, "law")
-    Sample(joint=1.0, motor=2.0)
+    >>> from bowden.core.signals import Reference
+    >>> row = {"law.position": 1.0, "law.velocity": 2.0, "law.acceleration": 3.0, "time": 0.0}
+    >>> from_columns(Reference(0.0, 0.0, 0.0), row, "law")
+    Reference(position=1.0, velocity=2.0, acceleration=3.0)
 
     Raises:
         KeyError: a column is missing.
