@@ -83,7 +83,8 @@ CABLE = bowden.CableModel("line", {"slope": 0.9, "offset": 0.1})
         ("Rig().limits.joint_high_deg", "Limits has no 'joint_high_deg': joint_high, in rad"),
         (
             "Rig().limits.joint_max",
-            "Limits has no 'joint_max'; it has joint_low, joint_high, joint_speed, joint_still, estimates_joint, joint_std and 66 others",
+            "Limits has no 'joint_max'; it has joint_low, joint_high, joint_speed, joint_still, estimates_joint, "
+            "joint_std and 66 others",
         ),
         ("LAWS['adaptive'].set_gains", "Law has no 'set_gains': law.with_gains(name=value)"),
     ],
