@@ -30,7 +30,7 @@ DT = 1e-3
 LOW, HIGH, WAY = 0.1, 0.9, 1.5
 RIG = bowden.Rig(reference=bowden.MinimumJerk.periodic(LOW, HIGH, 2.0 * WAY), duration=6.0)
 REQUESTS = {5: Request.ARM, 800: Request.RUN}
-GIVEN = ("motor", "joint", "current", "drive_state", "request", "may_move", "preflight", "emg")
+GIVEN = ("motor", "joint", "current", "drive_state", "request", "may_move", "preflight", "emg", "stopped", "wanted")
 TOLD = ("counts", "power", "joint", "motor", "position", "velocity", "acceleration", "requested", "source")
 VERDICT = ("target", "power", "mode", "reaction", "faults")
 BOARD = """
@@ -50,7 +50,9 @@ void board_observe(safety_Observed *observed)
     observed->reading.current = given[2];
     observed->reading.drive_state = given[3];
     observed->request = (safety_Request)given[4];
+    observed->reference = given[9];
 }
+bool board_emergency_stop(void) { return given[8] != 0.0; }
 bool board_may_move(void) { return given[5] != 0.0; }
 safety_PreflightResult board_preflight(double seconds, const safety_DriveReading *reading, double *target)
 {
@@ -93,7 +95,7 @@ class Board:
         counts = counts_of(RIG)
         assert isinstance(counts, Counts)
         self.encoders = counts
-        self.given = dict.fromkeys(GIVEN, 0.0)
+        self.given = dict.fromkeys(GIVEN, 0.0) | {"wanted": math.nan}
         self._read()
         self.c.begin(self._values())
 
@@ -110,7 +112,14 @@ class Board:
     def step(self, request: Request = Request.NONE, **given: float) -> dict[str, float]:
         """One cycle: what the loop said."""
         self._read()
-        self.given |= {"request": float(request), "may_move": 1.0, "preflight": 1.0, **given}
+        self.given |= {
+            "request": float(request),
+            "may_move": 1.0,
+            "preflight": 1.0,
+            "stopped": 0.0,
+            "wanted": math.nan,
+            **given,
+        }
         self.c.cycle(
             self._values(), ctypes.c_double(0.0), ctypes.c_double(DT), self.out.ctypes.data_as(ctypes.c_void_p)
         )
@@ -193,6 +202,36 @@ def test_a_board_that_says_no_in_mid_motion_lets_the_joint_down(board: Board) ->
     rows = [board.step(may_move=0.0) for _ in range(3000)]
     assert modes(rows) == [Mode.RELEASING, Mode.STOPPED]
     assert rows[-1]["power"] == 0.0
+
+
+def test_a_pressed_emergency_stop_takes_the_power_off_at_once(board: Board) -> None:
+    list(board.run(2000))
+    rows = [board.step(stopped=1.0) for _ in range(3)]
+    assert rows[0]["power"] == 0.0
+    assert modes(rows) == [Mode.LATCHED]
+    assert int(rows[-1]["verdict_faults"]) >> Fault.EMERGENCY_STOP & 1
+
+
+def test_the_rigs_motion_goes_on_from_where_the_boards_reference_ended(board: Board) -> None:
+    rows = [*board.run(2500)]
+    here = rows[-1]["position"]
+    for k in range(2000):
+        rows.append(board.step(wanted=here - 0.1 * min(k * DT, 1.0)))
+    rows += [board.step() for _ in range(500)]
+    assert modes(rows)[-1] == Mode.RUNNING
+    assert np.abs(np.diff([row["position"] for row in rows[2501:]])).max() < 2e-3
+
+
+def test_a_board_of_another_units_does_not_compile(board: Board, tmp_path: Path) -> None:
+    code = tmp_path / "code"
+    (code / "Arduino.h").write_text("")
+    for defined, compiles in (("LOOP_IN_COUNTS", True), ("LOOP_IN_SPOOL", False)):
+        text = (code / "loop.h").read_text().replace("LOOP_IN_COUNTS", defined)
+        (code / "other").mkdir(exist_ok=True)
+        (code / "other" / "loop.h").write_text(text)
+        (code / "other" / "board.cpp").write_text((code / "board.cpp").read_text())
+        done = subprocess.run(["c++", "-c", "-I..", "board.cpp"], cwd=code / "other", capture_output=True, text=True)
+        assert (done.returncode == 0) is compiles, done.stderr
 
 
 def test_a_joint_reading_that_stays_away_releases(board: Board) -> None:

@@ -40,10 +40,13 @@ void loop_emg(const int muscle, const double value)
 {
     [[detector]]_Trouble found;
 
+    if (muscle < 0 || muscle >= LOOP_MUSCLES) {
+        return;
+    }
     contracts[muscle] = [[detector]]_step(&muscles[muscle], ([[detector]]_real)value, &found);
     troubled[muscle] = found != 0;
 {% if proportional %}
-    if (muscle == 0) {
+    if (muscle == 0 && isfinite(value)) { /* a filter never forgets a NAN */
         envelope_real signal;
         if (!heard) {
             envelope_start(&envelope, (envelope_real)value);
@@ -106,6 +109,9 @@ static safety_Observed observe(const double lateness, const double elapsed)
     observed.emg_age = age_of_emg(elapsed);
 {% endif %}
     board_observe(&observed);
+    if (board_emergency_stop()) {
+        observed.reading.emergency = SAFETY_EMERGENCY_STOP;
+    }
     if (!board_may_move() && observed.request != SAFETY_REQUEST_ACKNOWLEDGE) {
         observed.request = SAFETY_REQUEST_STOP; /* arms nothing, and lets down what moves */
     }
@@ -118,6 +124,12 @@ static [[name]]_Reference next_reference(const double wanted)
     [[name]]_Reference reference = {([[name]]_real)wanted, 0, 0};
 
     if (isfinite(wanted)) {
+        from = reference.position; /* from there the rig's motion begins anew, once the board wants no more */
+        to = LOW;
+        elapsed_way = 0;
+{% if detector %}
+        course_start(&course);
+{% endif %}
         return reference;
     }
     if (elapsed_way > DURATION) {

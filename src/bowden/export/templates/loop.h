@@ -15,6 +15,7 @@
 {% endif %}
 
 #define LOOP_PERIOD [[period]] /* of a cycle [s] */
+#define LOOP_IN_[[unit|upper]] /* what board.cpp reads and sends; it looks for this */
 {% if detector %}
 #define LOOP_EMG_RATE [[emg_rate]] /* samples a second of each muscle */
 #define LOOP_MUSCLES [[muscles]] /* the first one flexes{% if muscles > 1 %}, the second one extends{% endif %} */
@@ -48,6 +49,7 @@ void board_begin(void);
 double board_motor(double *age);
 double board_joint(double *age);
 void board_observe(safety_Observed *observed);
+bool board_emergency_stop(void);
 bool board_may_move(void);
 safety_PreflightResult board_preflight(double seconds, const safety_DriveReading *reading, double *target);
 void board_send(double [[unit]], bool power);
