@@ -142,7 +142,8 @@ REFUSED: dict[str, tuple[Any, dict[int, int], str]] = {
     "no watchdog": (DRIVE, {98: 0}, "Bus Watchdog 0 after 2"),
     "reversed": (DRIVE, {10: 1}, "Drive Mode is 1"),
     "current": (DRIVE, {38: 10, 39: 0}, "beyond the drive's own"),
-    "its own limit": (DRIVE._replace(mode="extended"), {38: 255, 39: 15}, "may draw more"),
+    "its own limit": (DRIVE._replace(model="PH54-200-S500"), {38: 255, 39: 15}, "may draw more"),
+    "firmware": (DRIVE._replace(model="XL330-M288"), {6: 52}, "Firmware Version is 52"),
     "its turn": (DRIVE._replace(motor_home=0.0), {}, "after power-off"),
 }
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from bowden import Rig
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, SafetyError
 from bowden.core.signals import Sample
 from bowden.core.units import RADIANS
+from bowden.live.by_hand import require_confirmed
 from bowden.plants.estimated import SensorRun, sensor_step
 from bowden.rig.joint_sensor import model_of
 from bowden.rig.settings import JointSensor
@@ -99,3 +100,9 @@ def test_detectors_of_the_joint_allow_three_standard_deviations() -> None:
     seen: Any = _Seen(0.02)
     assert joint_doubt(Limits(estimates_joint=True), seen) == pytest.approx(0.06)
     assert joint_doubt(Limits(), seen) == 0.0
+
+
+def test_an_estimated_joint_is_run_on_twins_alone() -> None:
+    require_confirmed(Rig(joint_sensor=IMU))
+    with pytest.raises(SafetyError, match="--twin"):
+        require_confirmed(Rig(joint_sensor=IMU, drive={"interface": "socketcan", "channel": "can0"}))

@@ -102,6 +102,16 @@ def test_a_value_that_cannot_be_is_not_taken() -> None:
     assert found[2990].std > 8.0 * RADIANS
 
 
+def test_a_sensor_that_stands_still_is_doubted() -> None:
+    """Each of its values is near the prediction of its time, and together they are what no cable does."""
+    motor = 1.2 - 1.1 * np.cos(3.0 * DT * np.arange(4000))
+    truth = cable(IMU, motor)
+    frozen = np.where(np.arange(4000) >= 2000, truth[2000], truth)
+    deviation = np.array([one.std for one in followed(IMU, motor, frozen)])
+    assert deviation[1500:2000].max() < 2.0 * RADIANS
+    assert deviation[2000:3500].max() > 9.0 * RADIANS
+
+
 def test_compiled_and_interpreted_are_one() -> None:
     motor = strokes(200)
     state = other = estimate_start(IMU, motor[0])

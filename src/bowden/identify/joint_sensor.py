@@ -118,5 +118,6 @@ def keys_of(sensor: JointSensor) -> dict[str, str]:
     noise = {"noise_deg": repr(round(sensor.noise * DEGREES, 3))}
     if sensor.source == "stretch":
         angles = listed([one * DEGREES for one in sensor.curve_angles], 3)
-        return {"curve_values": listed(sensor.curve_values, 6), "curve_angles_deg": angles, **noise}
+        readings = f"[{', '.join(repr(float(f'{one:.9g}')) for one in sensor.curve_values)}]"
+        return {"curve_values": readings, "curve_angles_deg": angles, **noise}
     return {"axis": listed(sensor.axis, 6), "zero": listed(sensor.zero, 6), **noise}

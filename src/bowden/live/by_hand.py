@@ -172,6 +172,13 @@ def require_confirmed(rig: Rig, motor: str = "") -> None:
     Raises:
         SafetyError: nobody has, for this drive and these scales.
     """
+    if rig.joint_sensor.estimated and not family_of(rig.drive).simulated(rig.drive):
+        raise SafetyError(
+            f"the joint's angle is an estimate (joint_sensor.source is {rig.joint_sensor.source!r}), which nobody can "
+            "confirm by hand yet",
+            expected="an encoder at the joint of a rig with a real drive",
+            do="run it on a twin, with --twin",
+        )
     if not confirmed(rig):
         raise SafetyError(
             "no angle has been confirmed by hand on this drive with these scales and directions",

@@ -114,7 +114,8 @@ def _looked(samples: "JointSamples", what: str, lasting: float) -> "Sequence[Seq
     print(f"{what[0].upper()}{what[1:]}, then press Enter; it takes {lasting:g} s.", file=sys.stderr)
     sys.stdin.readline()
     clock, found = MonotonicClock(), []
-    samples.raw()  # of before
+    while samples.raw():  # of before
+        pass
     end = clock.now() + round(lasting * SECOND)
     while clock.now() < end:
         clock.sleep_until(clock.now() + SECOND // 200)

@@ -17,7 +17,14 @@ TAUT = 0.05
 AHEAD = 0.05
 """Time for which a joint is ahead of the cable before the cable counts as slack [s]."""
 OF_JOINT = bits_of(
-    (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_MOTOR_MISMATCH)
+    (
+        Fault.JOINT_LOST,
+        Fault.JOINT_JUMP,
+        Fault.JOINT_STALE,
+        Fault.JOINT_FROZEN,
+        Fault.JOINT_MOTOR_MISMATCH,
+        Fault.JOINT_UNSURE,
+    )
 )
 """Faults by which the joint's angle is in doubt."""
 OF_FORCE = bits_of((Fault.SATURATED,))

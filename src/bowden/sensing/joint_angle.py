@@ -26,6 +26,9 @@ from bowden.core.units import RADIANS
 
 GATE = 5.0
 """Standard deviations beyond which a value is not taken [–]."""
+CREDIBLE = 3.0
+"""Standard deviations of the model's error by which a sensor may correct it; what goes beyond is doubt: a sensor that
+stands still, or is off, is believed step by step, each of which is small [–]."""
 STAYS = 0.5
 """Share of the model's variance that stays, b; the rest changes on the way, f [–]."""
 TRAVEL = 30.0 * RADIANS
@@ -128,7 +131,8 @@ def estimate_step(model: JointModel, state: JointEstimate, motor: float, value: 
         d = covariance.fd + covariance.bd + covariance.dd
         total = f + b + d + model.noise * model.noise
         if error * error <= GATE * GATE * expected:
-            part, expected, age = 1.0 / total, total, 0.0
+            part, expected = 1.0 / total, total
+            age = 0.0 if math.isinf(age) else max(0.0, age - 2.0 * model.period)  # one of many is no sign of life
             changing, staying, sensor = (
                 changing + f * part * error,
                 staying + b * part * error,
@@ -143,7 +147,7 @@ def estimate_step(model: JointModel, state: JointEstimate, motor: float, value: 
                 covariance.dd - part * d * d,
             )
     shown = state.shown + (changing + staying - state.shown) * dt / max(dt, model.period)
-    std = deviation(model, covariance, age)
+    std = deviation(model, covariance, age, changing + staying)
     return JointEstimate(
         cable + shown, std, age, cable, shown, changing, staying, sensor, covariance, expected, history, since
     )
@@ -169,10 +173,17 @@ def predicted(
 
 
 @kernel
-def deviation(model: JointModel, covariance: Covariance, age: float) -> float:
-    """Standard deviation of the joint's angle; without a first value of a sensor there is none, and it is infinite
-    [rad]."""
+def deviation(model: JointModel, covariance: Covariance, age: float, correction: float) -> float:
+    """Standard deviation of the joint's angle; without a first value of a sensor there is none, and it is infinite.
+
+    Args:
+        model: of cable and sensor.
+        covariance: of the errors.
+        age: since the sensor's last value [s].
+        correction: by which the sensor has moved the model's joint, f + b [rad].
+    """
     known = sqrt(max(0.0, covariance.ff + 2.0 * covariance.fb + covariance.bb))
+    known += max(0.0, abs(correction) - CREDIBLE * model.error)
     return known if model.period == 0.0 else known + UNSEEN * max(0.0, age - LATE * model.period)
 
 

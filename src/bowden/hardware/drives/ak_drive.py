@@ -345,6 +345,8 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
             found[reply.number] = reply
         return False
 
+    if drive.board == "v3":
+        return _probe_v3(drive, links)
     with joined(place(drive), drive.node_id, links) as port:
         ends = time.monotonic() + LISTENING
         while (left := ends - time.monotonic()) > 0.0:
@@ -359,13 +361,27 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
             port.send_now(number, frames.EXIT)
             port.wait_for(looked_at, BETWEEN)
         port.wait_for(looked_at, drive.answer_timeout)
-    return [
-        FoundDevice(
-            number,
-            "AK drive in MIT mode",
-            f"at {reply.position:.3f} rad of its range, "
-            + (frames.error_text(reply.error) if reply.error else "no error"),
-            "FAULT" if reply.error else "SWITCH_ON_DISABLED",
-        )
-        for number, reply in sorted(found.items())
-    ]
+    return [_found(number, reply) for number, reply in sorted(found.items())]
+
+
+def _probe_v3(drive: AkParameters, links: Links) -> list[FoundDevice]:
+    """Which boards V3 there are: each uploads its state by itself, so that nothing is said."""
+    model, found = model_of(drive), dict[int, frames.AkReply]()
+
+    def heard(identifier: int, data: bytes) -> bool:
+        number = identifier & 0xFF
+        if identifier & ~0xFF == EXTENDED | UPLOAD << 8:
+            reply = frames.unpack_state_v3(data, number, model, ak_mit.torque_per_ampere(drive))
+            if reply is not None:
+                found[number] = reply
+        return False
+
+    with joined(place(drive), drive.node_id, links) as port:
+        port.wait_for(heard, LISTENING)
+    return [_found(number, reply) for number, reply in sorted(found.items())]
+
+
+def _found(number: int, reply: frames.AkReply) -> FoundDevice:
+    where = f"at {reply.position:.3f} rad of its range, "
+    error = frames.error_text(reply.error) if reply.error else "no error"
+    return FoundDevice(number, "AK drive in MIT mode", where + error, "FAULT" if reply.error else "SWITCH_ON_DISABLED")

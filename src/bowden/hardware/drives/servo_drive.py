@@ -40,8 +40,8 @@ STILL = 8
 """Counts within which a motor stands still between two readings, of 4096 a turn."""
 MOST_UNANSWERED = 16
 """Questions that are waited for at most; what is older than these is lost."""
-BETWEEN = 4e-3
-"""For an answer of one who may be there, when all are looked for [s]."""
+BETWEEN, PING_BITS = 4e-3, 240
+"""For an answer of one who may be there, when all are looked for [s], and the bits of a question and its answer."""
 
 
 class ServoDialogue:
@@ -168,6 +168,7 @@ class ServoDialogue:
                 expected=f"{table.model}, {'a' if drive.family == 'dynamixel' else 'an'} {drive.model}",
                 do="correct drive.model, or node_id: another model has other counts, currents and addresses",
             )
+        check_settings(self.name, self.get, drive.supported())
         if self.get("Torque Enable"):
             do = "end the program that holds it, or switch its supply off and on"
             raise refuse_torque(self.name, "torque: Torque Enable is 1", do)
@@ -187,7 +188,7 @@ class ServoDialogue:
             raise DriveError(
                 f"{self.name} does not answer a sync read",
                 expected="an answer",
-                do="load a later firmware with its maker's tool",
+                do="look for two servos of one ID: connect one alone; or load a later firmware with its maker's tool",
             )
         return sample
 
@@ -226,7 +227,7 @@ class ServoDrive(Driver):
         servo.bus.listen(LISTENING)
         first = servo.prepare()
         check_settings(servo.name, servo.get, drive.settings())
-        for name, value in drive.preset().items():
+        for name, value in (*drive.cleared(), *drive.preset().items()):  # a watchdog that ran out locks what is set
             servo.set(name, value)
         firmware = servo.get("Firmware Version")
         if drive.joint == "servo":
@@ -257,6 +258,7 @@ class ServoDrive(Driver):
         drive = self._drive
         on_joint = ServoDialogue(port, drive, drive.joint_node_id)
         position = on_joint.prepare().position
+        check_settings(on_joint.name, on_joint.get, drive.settings_of_joint())
         return float(position) if drive.home == "here" else 0.0
 
     def _home(self, position: float) -> float:
@@ -300,6 +302,7 @@ class ServoDrive(Driver):
         if identifier not in self._numbers or not data or data[0] != STATUS:
             return False
         if len(data) != 2 + self._reader.length:
+            self._readings.foreign += float(not self._packets.fast)  # a Feetech servo's packets do not say who speaks
             return True
         sample = self._reader.sample(data[2:])
         if identifier == self._drive.node_id:
@@ -404,12 +407,12 @@ def probe(drive: Any, links: Links) -> list[FoundDevice]:
     Raises:
         DriveError: the line cannot be used.
     """
-    found = []
+    found, patience = [], BETWEEN + PING_BITS / drive.bitrate
     with joined(place(drive), drive.node_id, links) as port:
         for number in range(HIGHEST + 1):
             servo = ServoDialogue(port, drive, number)
             port.send_now(number, bytes((Instruction.PING,)))
-            there = port.wait_for(lambda identifier, data, number=number: identifier == number, BETWEEN)  # type: ignore[misc]
+            there = port.wait_for(lambda identifier, data, number=number: identifier == number, patience)  # type: ignore[misc]
             if there is not None:
                 found.append(_told(servo, drive))
     return found

@@ -52,6 +52,8 @@ _REGISTERS: Mapping[str, ServoRegister] = {
     "Present Temperature": ServoRegister(146),
 }
 """Of the X series; those of RAM stand `P_SERIES` further in the P series."""
+INDIRECT_MOVED = 52
+"""Firmware of XL330 and XC330 from which on indirect data stand at 208, not at 224 (control tables of the SDK)."""
 FIRST_OF_RAM, P_SERIES = 64, 448
 _P_REGISTERS = {
     name: one._replace(address=one.address + P_SERIES * (one.address >= FIRST_OF_RAM))
@@ -113,13 +115,6 @@ class DynamixelParameters(NamedTuple):
         Quantity("which servo, compared with the number that it tells"),
     ] = "XM430-W350"  # fmt: skip
     node_id: servos.ServoNumber = 1
-    mode: Annotated[
-        Literal["current", "extended"],
-        Quantity(
-            "Operating Mode: current-based position (5), limited by the rig's current; or extended position (4), by "
-            "the servo's own"
-        ),
-    ] = "current"
     return_delay: servos.ReturnDelay = 0.0
     motor_direction: on_can.MotorDirection = 1
     home: on_can.HintedHome = "counts"
@@ -153,6 +148,11 @@ class DynamixelParameters(NamedTuple):
         """Its memory."""
         return MODELS[self.model]
 
+    @property
+    def limits_current(self) -> bool:
+        """True of an X series, in current-based position (5); a P series has extended position (4) alone."""
+        return self.table.lowest == 0
+
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`."""
         return servos.identifiers(self)
@@ -168,12 +168,22 @@ class DynamixelParameters(NamedTuple):
         )
         yield from servos.rules(self)
 
+    def supported(self) -> Iterator[Setting]:
+        """What the servo must be, before anything is asked of it in one piece."""
+        if self.model.startswith(("XL330", "XC330")):
+            yield Setting(
+                "Firmware Version",
+                lambda found: found < INDIRECT_MOVED,
+                f"below {INDIRECT_MOVED}",
+                "has its indirect data at other addresses, which are not known here",
+                "take a servo with an earlier firmware, or of another model",
+            )
+
     def settings(self) -> Iterator[Setting]:
         """What the servo must be set to, by whoever owns it; see `servo_drive`."""
-        wizard = "set it with Dynamixel Wizard, or correct {} in [drive]"
-        mode = {"current": 5, "extended": 4}[self.mode]
-        named = f"{mode}, drive.mode = {self.mode}"
-        yield Setting("Operating Mode", is_about(mode), named, "is in another mode", wizard.format("mode"))
+        wizard = "set it with Dynamixel Wizard"
+        mode, named = (5, "current-based position") if self.limits_current else (4, "extended position")
+        yield Setting("Operating Mode", is_about(mode), f"{mode}, {named}", "is in another mode", wizard)
         yield servos.delay_setting(self)
         yield Setting(
             "Drive Mode",
@@ -182,20 +192,24 @@ class DynamixelParameters(NamedTuple):
             "turns its direction or its profile",
             "set it with Dynamixel Wizard; motor_direction in [drive] turns the direction",
         )
-        if self.mode == "extended" and self.needs.current_limit > 0.0:
+        if not self.limits_current and self.needs.current_limit > 0.0:
             most = self.needs.current_limit / self.table.current_step
             yield Setting(
                 "Current Limit",
                 lambda found: found <= most + 1.0,
                 f"{most:.0f}, the rig's {self.needs.current_limit:g} A, or less",
                 "may draw more than the rig allows",
-                'set it with Dynamixel Wizard; or set mode = "current", in which the rig\'s limit is set',
+                wizard,
             )
+
+    def settings_of_joint(self) -> Iterator[Setting]:
+        """What the servo on the joint must be set to."""
+        return (one for one in self.settings() if one.name in ("Return Delay Time", "Drive Mode"))
 
     def preset(self) -> dict[str, int]:
         """What is written and read back at every bring-up, of what a servo forgets at power-off."""
         limit = self.needs.current_limit
-        current = {"Goal Current": round(limit / self.table.current_step)} if limit and self.mode == "current" else {}
+        current = {"Goal Current": round(limit / self.table.current_step)} if limit and self.limits_current else {}
         profile = {"Profile Acceleration": 0, "Profile Velocity": 0}
         return {**profile, **current, "Bus Watchdog": self.watch_count}
 
@@ -214,7 +228,7 @@ class DynamixelParameters(NamedTuple):
             "Model Number": self.table.model,
             "Firmware Version": 48,
             "Return Delay Time": round(self.return_delay / servos.DELAY_STEP),
-            "Operating Mode": {"current": 5, "extended": 4}[self.mode],
+            "Operating Mode": 5 if self.limits_current else 4,
             "Current Limit": round((self.needs.current_limit or 3.0) / self.table.current_step) + 1,
             "Status Return Level": 2,
         }

@@ -99,11 +99,19 @@ class FeetechParameters(NamedTuple):
         """See `on_can.require`."""
         yield from servos.rules(self)
 
+    def supported(self) -> Iterator[Setting]:
+        """Every firmware."""
+        return iter(())
+
     def settings(self) -> Iterator[Setting]:
         """What the servo must be set to, by whoever owns it; see `servo_drive`."""
         yield Setting(
             "Operating Mode", is_about(0.0), "0, position", "is in another mode", "set it with its maker's tool"
         )
+        yield servos.delay_setting(self)
+
+    def settings_of_joint(self) -> Iterator[Setting]:
+        """What the servo on the joint must be set to."""
         yield servos.delay_setting(self)
 
     def preset(self) -> dict[str, int]:
