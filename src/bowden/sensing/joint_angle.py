@@ -132,7 +132,9 @@ def estimate_step(model: JointModel, state: JointEstimate, motor: float, value: 
         total = f + b + d + model.noise * model.noise
         if error * error <= GATE * GATE * expected:
             part, expected = 1.0 / total, total
-            age = 0.0 if not math.isfinite(age) else max(0.0, age - 2.0 * model.period)  # one of many is no sign of life
+            age = (
+                0.0 if not math.isfinite(age) else max(0.0, age - 2.0 * model.period)
+            )  # one of many is no sign of life
             changing, staying, sensor = (
                 changing + f * part * error,
                 staying + b * part * error,
