@@ -978,7 +978,8 @@ def test_a_load_is_let_down_until_the_servo_is_where_the_cable_is_taut_or_the_ca
     for elapsed, counted in ((3.0 * DT, 3.0 * DT), (0.1, 5.0 * DT)):  # of a late cycle, five cycles at most
         state, _ = cycle(slack, {"state.decided.joint_ahead_time": 0.0, "observed.elapsed": elapsed})
         assert state.decided.joint_ahead_time == pytest.approx(counted)
-    of_joint = (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_MOTOR_MISMATCH)
+    encoder = (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN)
+    of_joint = (*encoder, Fault.JOINT_MOTOR_MISMATCH, Fault.JOINT_UNSURE)
     for fault in LATCHABLE:
         mode = cycle(slack, {"state.decided.latched": 2.0**fault})[1].mode
         assert mode == (Mode.RELEASING if fault in of_joint else Mode.LATCHED), fault
