@@ -14,6 +14,7 @@ from bowden.hardware.buses.packets import PROTOCOLS, STATUS, Packets, fast_answe
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.checklist import Setting, is_about
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
+from bowden.rig.families import DriveFamily
 
 ADAPTER = 1e-3
 """For which a USB adapter may keep what it has received, its latency timer at the least [s]."""
@@ -43,7 +44,7 @@ class ServoRegister(NamedTuple):
     size: int = 1
     """[bytes]"""
     signed: bool = False
-    """Whether it may be negative."""
+    """True if it may be negative."""
     sign: int = 0
     """Of a servo that writes a sign and a magnitude the bit of the sign; otherwise it writes the complement of two."""
 
@@ -69,7 +70,7 @@ class ServoSample(NamedTuple):
     """What a servo says in a cycle."""
 
     torque: int
-    """Whether it may have torque."""
+    """True if it may have torque."""
     error: int
     watch: int
     """Its watchdog over its host; 0 of one without."""
@@ -225,3 +226,40 @@ def rules(drive: Any) -> Iterator[on_can.Rule]:
                 expected="less than a turn" + (' with home = "counts"' if drive.multi_turn else ""),
                 do=(_ELSEWHERE if drive.multi_turn else "") + "make the range in [limits] smaller",
             )
+
+
+_BENCH: Mapping[str, Mapping[str, Any]] = {
+    "bench": {"sample_time_ms": 5.0},
+    "encoder.joint": {"resolution_deg": 0.087890625},
+    "encoder.motor": {"resolution_deg": 0.087890625},
+    "drive": {"motor_home_deg": -90.0},
+}
+"""Of a bench with servos of 4096 counts a turn, for ``bowden init --drive``."""
+
+
+def family(
+    parameters: Any, title: str, *, unseen_watch: str, example: Mapping[str, Mapping[str, Any]], **rest: Any
+) -> DriveFamily:
+    """A family of serial servos; see `on_can.family`.
+
+    Args:
+        parameters: the default.
+        title: what it is.
+        unseen_watch: why its torque stays when this computer dies.
+        example: what a bench with it has beside what all have.
+        rest: other arguments of `on_can.family`.
+    """
+    return on_can.family(
+        parameters,
+        title,
+        driver="drives.servo_drive.ServoDrive",
+        probe="drives.servo_drive.probe",
+        options=("register",),
+        scales=("model", "motor_direction", "joint", "joint_direction"),
+        cycle_time=cycle_time,
+        unseen_watch=lambda _: unseen_watch,
+        no_limb=lambda drive: drive.no_limb,
+        holds=True,
+        example={**_BENCH, **example},
+        **rest,
+    )

@@ -184,14 +184,7 @@ class DynamixelParameters(NamedTuple):
         wizard = "set it with Dynamixel Wizard"
         mode, named = (5, "current-based position") if self.limits_current else (4, "extended position")
         yield Setting("Operating Mode", is_about(mode), f"{mode}, {named}", "is in another mode", wizard)
-        yield servos.delay_setting(self)
-        yield Setting(
-            "Drive Mode",
-            is_about(0.0),
-            "0: its own direction, velocity-based profile",
-            "turns its direction or its profile",
-            "set it with Dynamixel Wizard; motor_direction in [drive] turns the direction",
-        )
+        yield from self.settings_of_joint()
         if not self.limits_current and self.needs.current_limit > 0.0:
             most = self.needs.current_limit / self.table.current_step
             yield Setting(
@@ -204,7 +197,14 @@ class DynamixelParameters(NamedTuple):
 
     def settings_of_joint(self) -> Iterator[Setting]:
         """What the servo on the joint must be set to."""
-        return (one for one in self.settings() if one.name in ("Return Delay Time", "Drive Mode"))
+        yield servos.delay_setting(self)
+        yield Setting(
+            "Drive Mode",
+            is_about(0.0),
+            "0: its own direction, velocity-based profile",
+            "turns its direction or its profile",
+            "set it with Dynamixel Wizard; motor_direction in [drive] turns the direction",
+        )
 
     def preset(self) -> dict[str, int]:
         """What is written and read back at every bring-up, of what a servo forgets at power-off."""
@@ -257,30 +257,19 @@ def error_text(code: int) -> str:
     return f"0x{code:02X}: {said}{end if code & 0xFF else ''}"
 
 
-FAMILY = on_can.family(
+FAMILY = servos.family(
     DynamixelParameters(),
     "A ROBOTIS Dynamixel, X or P series, and one on the joint; `bowden twin` plays both.",
-    driver="drives.servo_drive.ServoDrive",
     node="twin.servo_node.ServoNode",
-    probe="drives.servo_drive.probe",
-    options=("register",),
     watchdog=lambda drive: drive.watchdog + 1e-3,
-    scales=("model", "motor_direction", "joint", "joint_direction"),
     explain=error_text,
-    cycle_time=servos.cycle_time,
-    unseen_watch=lambda drive: (
+    unseen_watch=(
         "a Dynamixel's bus watchdog stops the motor and holds it there: it keeps torque when this computer dies, until "
         "its supply is cut"
     ),
-    no_limb=lambda drive: drive.no_limb,
-    holds=True,
     example={
-        "bench": {"sample_time_ms": 5.0},
         "servo": {"speed_limit_deg_per_s": 276.0},
         "motor": {"gear": 1.0, "torque_constant_nm_per_a": 1.78, "resistance_ohm": 5.2, "current_limit_a": 2.0},
-        "encoder.joint": {"resolution_deg": 0.087890625},
-        "encoder.motor": {"resolution_deg": 0.087890625},
-        "drive": {"motor_home_deg": -90.0},
         "limits": {"thermal_continuous_current_a": 1.0},
     },
     zero_hint="A Dynamixel knows its place within a turn of its output shaft after a loss of its supply; in which turn "

@@ -108,7 +108,7 @@ class FeetechParameters(NamedTuple):
         yield Setting(
             "Operating Mode", is_about(0.0), "0, position", "is in another mode", "set it with its maker's tool"
         )
-        yield servos.delay_setting(self)
+        yield from self.settings_of_joint()
 
     def settings_of_joint(self) -> Iterator[Setting]:
         """What the servo on the joint must be set to."""
@@ -156,30 +156,19 @@ def error_text(code: int) -> str:
     return finding_text(code) or f"0x{code:02X}: {said}"
 
 
-FAMILY = on_can.family(
+FAMILY = servos.family(
     FeetechParameters(),
     "A Feetech STS3215, and one on the joint; `bowden twin` plays both.",
-    driver="drives.servo_drive.ServoDrive",
     node="twin.servo_node.FeetechNode",
-    probe="drives.servo_drive.probe",
-    options=("register",),
     watchdog=lambda drive: math.inf,
-    scales=("model", "motor_direction", "joint", "joint_direction"),
     explain=error_text,
-    cycle_time=servos.cycle_time,
-    unseen_watch=lambda drive: (
+    unseen_watch=(
         "a Feetech servo has no watchdog over its host: it keeps its last target, with torque, when this computer "
         "dies, until its supply is cut"
     ),
-    no_limb=lambda drive: drive.no_limb,
-    holds=True,
     example={
-        "bench": {"sample_time_ms": 5.0},
         "servo": {"speed_limit_deg_per_s": 300.0},
         "motor": {"gear": 1.0, "torque_constant_nm_per_a": 1.1, "resistance_ohm": 4.5, "current_limit_a": 1.5},
-        "encoder.joint": {"resolution_deg": 0.087890625},
-        "encoder.motor": {"resolution_deg": 0.087890625},
-        "drive": {"motor_home_deg": -90.0},
         "limits": {"thermal_continuous_current_a": 0.8},
     },
     zero_hint="An STS3215 takes the present place for its middle, 2048, with its maker's tool; bowden does not send "
