@@ -200,7 +200,8 @@ class Live:
         Raises:
             StreamError: the sensor's stream cannot be opened.
         """
-        return LiveEstimate(self.rig) if self.rig.joint_sensor.estimated else None
+        first = self.joint is None or self.joint.names[0] == self.name  # the other motors of a joint borrow it
+        return LiveEstimate(self.rig) if first and self.rig.joint_sensor.estimated else None
 
     def _push_settings(self) -> Mapping[str, Any]:
         spool = plain(self.needs.spool)

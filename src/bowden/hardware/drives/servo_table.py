@@ -31,9 +31,7 @@ ReturnDelay = Annotated[
 ]
 JointServo = Annotated[
     Literal["servo", "none"],
-    Quantity(
-        "what measures the joint: servo, a second one of this model, without torque; none, and then nothing can run"
-    ),
+    Quantity("what measures the joint: servo, a second one of this model, without torque; none, with [joint_sensor]"),
 ]
 
 
