@@ -38,6 +38,7 @@ def test_a_rig_keeps_its_joint_sensor(given: dict[str, Any], tmp_path: Any) -> N
     [
         ({"source": "imu"}, "stream"),
         (IMU | {"stream": "udp:x"}, "a port"),
+        (IMU | {"stream": "serial:/dev/ttyACM0@fast"}, "a baud rate"),
         (IMU | {"axis": (1.0, 1.0, 0.0)}, "length 1"),
         (IMU | {"bodies": 2}, "quaternion"),
         (IMU | {"bodies": 2, "gives": "inertial"}, "quaternion"),

@@ -6,7 +6,7 @@ from collections import deque
 
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading
-from bowden.hardware.joint_stream import JointSamples
+from bowden.hardware.joint_stream import JointSamples, of_twin
 from bowden.rig.rig import Rig
 from bowden.rig.settings import JointSensor
 from bowden.sensing.joint_angle import LATE, JointEstimate, estimate_start, estimate_step
@@ -36,7 +36,8 @@ class LiveEstimate:
         self._read = math.nan
         limits = rig.supervisor_limits
         self._speed, self._jump, self._motor, self._since = limits.motor_speed, limits.jump, math.nan, 0.0
-        self._samples = JointSamples(rig.joint_sensor) if rig.joint_sensor.sensed else None
+        sensor = of_twin(rig.joint_sensor, rig.drive)
+        self._samples = JointSamples(sensor) if sensor.sensed else None
 
     def wait(self) -> None:
         """Wait for the sensor's first sample.

@@ -9,9 +9,12 @@ from bowden.sensing.joint_angle import LENGTH, JointModel
 
 STREAMS = {
     "udp": "udp:PORT (from this computer alone), udp:0.0.0.0:PORT (from others too), udp:ADDRESS:PORT",
+    "serial": "serial:DEVICE (at 115200 baud), serial:DEVICE@BAUD",
     "lsl": "lsl:NAME",
 }
 """Kind of a stream → how it is named."""
+BAUD = "115200"
+"""Of a serial line of which none is said."""
 
 
 def model_of(sensor: JointSensor, slope: float, zero: float, play: float) -> JointModel:
@@ -31,8 +34,11 @@ def model_of(sensor: JointSensor, slope: float, zero: float, play: float) -> Joi
 
 
 def address_of(sensor: JointSensor) -> tuple[str, tuple[str, int]]:
-    """Kind of its stream, with name or address, and port; 0 for none."""
+    """Kind of its stream, with name or address, and port or baud rate; 0 for none."""
     kind, _, rest = (sensor.stream or "").partition(":")
+    if kind == "serial":
+        device, _, baud = rest.partition("@")
+        return kind, (device, int(baud or BAUD) if (baud or BAUD).isdecimal() else 0)
     if kind != "udp":
         return kind, (rest, 0)
     host, _, port = rest.rpartition(":")
@@ -72,6 +78,7 @@ def check(sensor: JointSensor, sample_time: float, joint_std: float) -> None:
     rules = (
         ("stream", kind in STREAMS and bool(where[0]), " or ".join(STREAMS.values())),
         ("stream", kind != "udp" or 1024 <= where[1] <= 65535, "a port from 1024 to 65535"),
+        ("stream", kind != "serial" or where[1] >= 1200, "a baud rate from 1200 behind @"),
         ("gives", not stretch or sensor.gives == "angle", '"angle" of a stretch sensor, or leave it out'),
         ("bodies", sensor.bodies == 1 or sensor.gives == "quaternion", '1, or gives = "quaternion"'),  # one heading
         ("axis", len(sensor.axis) == 3 and abs(length - 1.0) < 0.01, "three numbers, a vector of length 1"),
