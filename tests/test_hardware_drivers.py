@@ -55,7 +55,10 @@ CASES: Mapping[str, Case] = {
     "cia402": Case(
         complete(DriveParameters(), answer_timeout=0.1),
         ("0x3220", 0x3220, "undervoltage"),
-        ((canopen.RPDO1 + 1, bytes(6)), (canopen.NMT, b"\x01\x01")),
+        (
+            *((canopen.RPDO1 + 1, bytes(6)), (canopen.NMT, b"\x01\x01"), (canopen.SYNC, b"")),
+            *((canopen.SDO_REQUEST + 1, b"\x40\0\x10\0\0\0\0\0"), (canopen.HEARTBEAT + 127, b"\x05")),
+        ),
         (0.050, 0x8130),
         "no drive answers as node 9; there is node 1",
     ),
@@ -222,11 +225,12 @@ def test_frames_of_another_drive_are_no_readings_and_those_of_another_master_are
 def test_nobody_and_another_master_are_told_before_anything_is_said(name: str) -> None:
     with pytest.raises(DriveError, match=CASES[name].nobody):
         family_of(CASES[name].drive).open(CASES[name].drive._replace(node_id=9), _links(loop_of(name))).bring_up()
-    loop = loop_of(name)
-    loop.put(*CASES[name].foreign[0])
-    with pytest.raises(DriveError, match="another master"):
-        loop.drive.bring_up()
-    assert loop.sent == []
+    for frame in CASES[name].foreign:
+        loop = loop_of(name)
+        loop.put(*frame)
+        with pytest.raises(DriveError, match=r"another master|the number of this computer"):
+            loop.drive.bring_up()
+        assert loop.sent == []
 
 
 def _links(bus: can.BusABC) -> Any:
@@ -267,6 +271,9 @@ UNFIT: Mapping[str, list[tuple[dict[Any, Any], dict[str, Any], str]]] = {
         ({(0x1016, 1): None}, {}, "refuses 1016h:1"),
         ({(0x6007, 0): None}, {}, "refuses 6007h"),
         ({(0x6076, 0): 0}, {}, "rated torque"),
+        ({(0x6076, 0): 1}, {"current_limit": 20.0}, "the rig's largest is 20 A"),
+        ({(0x608F, 1): 4096, (0x608F, 2): 1}, {}, "counts_per_turn is 16384; expected 4096, as node"),
+        ({(0x6091, 1): 5, (0x6091, 2): 1}, {}, "behind a gear of 5:1"),
         ({(0x607D, 1): -1000, (0x607D, 2): 100_000}, {"lowest_motor": -1.0}, "lowest motor angle is -57.2958°, beyond"),
         ({(0x607D, 1): -1000, (0x607D, 2): 10_000}, {"highest_motor": 3.0}, "highest motor angle is 171.887°, beyond"),
         (
