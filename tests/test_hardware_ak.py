@@ -16,17 +16,13 @@ from bowden.hardware.drives.ak_frames import (
     EXIT,
     HIGHEST_POSITION,
     MODELS,
-    MODELS_V3,
     ZERO,
     AkCommand,
     AkReply,
     pack_command,
-    pack_command_v3,
     pack_reply,
-    pack_state_v3,
     unpack_command,
     unpack_reply,
-    unpack_state_v3,
 )
 from bowden.hardware.drives.families.ak_mit import AkParameters
 from bowden.hardware.drives.findings import INERT, LOST_RANGE
@@ -42,7 +38,7 @@ from support.memory_bus import DriverLoop, asking
 
 CYCLE = 1e-3
 DRIVE = AkParameters(answer_timeout=0.2)
-MODEL = MODELS["AK80-9"]
+MODEL = MODELS["v2"]["AK80-9"]
 ON_RIG = '[motor]\ngear = 9.0\ntorque_constant_nm_per_a = 0.091\n[drive]\nfamily = "ak_mit"\n'
 
 
@@ -63,14 +59,14 @@ V3 = asking(DRIVE._replace(board="v3"), sample_time=2e-3)
 )
 def test_a_command_to_a_board_v3_is_as_public_code_has_it(speed: float, frame: str) -> None:
     """Frames with which others have moved a motor whose speeds are those of an AK10-9."""
-    assert pack_command_v3(AkCommand(0.0, speed, 0.0, 1.0, 0.0), MODELS_V3["AK10-9"]).hex() == frame
+    assert pack_command(AkCommand(0.0, speed, 0.0, 1.0, 0.0), MODELS["v3"]["AK10-9"]).hex() == frame
 
 
 @given(st.floats(-12.0, 12.0), st.floats(-50.0, 50.0), st.floats(-15.0, 15.0), st.integers(-20, 120))
 def test_a_state_of_a_board_v3_says_what_went_in(position: float, speed: float, torque: float, heat: int) -> None:
-    model = MODELS_V3["AK80-9"]
+    model = MODELS["v3"]["AK80-9"]
     told = AkReply(3, position, speed, torque, heat, 0, at_end=False)
-    said = unpack_state_v3(pack_state_v3(told, model, 0.8), 3, model, 0.8)
+    said = unpack_reply(pack_reply(told, model, 0.8), model, 3, 0.8)
     assert said is not None
     assert math.isclose(said.position, position, abs_tol=math.radians(0.051))
     assert math.isclose(said.torque, torque, abs_tol=0.0041)

@@ -466,7 +466,7 @@ def test_what_makes_no_sense_is_refused_before_a_bus_is_opened(name: str, row: t
 
 
 _SHARED: dict[str, DriverLoop] = {}
-MODEL = MODELS["AK80-9"]
+MODEL = MODELS["v2"]["AK80-9"]
 
 
 def check_sent(name: str, identifier: int, data: bytes) -> None:
