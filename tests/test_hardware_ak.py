@@ -26,6 +26,7 @@ from bowden.hardware.drives.ak_frames import (
 )
 from bowden.hardware.drives.families.ak_mit import AkParameters
 from bowden.hardware.drives.findings import INERT, LOST_RANGE
+from bowden.hardware.drives.on_can import require
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.plant import FOLLOW
@@ -261,6 +262,17 @@ def test_a_rig_beyond_the_range_of_the_position_is_refused(tmp_path: Any) -> Non
         _ = given_rig(tmp_path, "[limits]\nmotor_high_deg = 800.0\n").drive_parameters
 
 
+def test_a_zero_that_a_restart_would_move_is_refused_on_a_real_bus(tmp_path: Any) -> None:
+    """A turn of the rotor is 40° of the spool, which the drive forgets with its supply."""
+    real = 'interface = "socketcan"\nchannel = "can0"\n'
+    with pytest.raises(ParameterError, match=r"turns of the rotor; the drive forgets.*home = .hint. with motor_hint"):
+        _ = given_rig(tmp_path, real).drive_parameters
+    for home in ('home = "hint"\n', 'home = "here"\n'):
+        assert given_rig(tmp_path, real + home).drive_parameters.interface == "socketcan"
+    asked = asking(DRIVE._replace(interface="socketcan"), lowest_motor=0.0, highest_motor=0.6)
+    require(asked)
+
+
 def test_a_rig_without_a_joints_angle_is_not_run(tmp_path: Any) -> None:
     rig = given_rig(tmp_path, 'joint = "none"\n')
     with pytest.raises(ParameterError, match="not measured"):
@@ -274,7 +286,7 @@ def test_a_drive_without_a_timeout_is_not_run(tmp_path: Any) -> None:
 
 
 def test_a_limb_is_refused_where_nobody_can_see_the_timeout(tmp_path: Any) -> None:
-    bus = 'interface = "socketcan"\nchannel = "can0"\n'
+    bus = 'interface = "socketcan"\nchannel = "can0"\nhome = "hint"\n'
     assert "bare bench" in unseen_watch(given_rig(tmp_path))
     require_watch(given_rig(tmp_path))  # on the twin's bus there is no limb
     with pytest.raises(SafetyError, match="no_limb = true"):

@@ -18,6 +18,7 @@ from bowden.hardware.buses.place import ERROR
 from bowden.hardware.buses.serial_bus import SerialBus, port_of
 from bowden.hardware.drives.families.dynamixel import FAMILY, MODELS, DynamixelParameters
 from bowden.hardware.drives.families.feetech import FeetechParameters
+from bowden.hardware.drives.findings import JOINT_SERVO
 from bowden.hardware.drives.on_can import require
 from bowden.hardware.drives.servo_table import ServoRegister, cycle_time
 from bowden.hardware.ports import Power
@@ -108,6 +109,15 @@ def test_a_silent_host_stops_it_and_it_is_not_led_on_before_an_acknowledgement()
     loop.drive.reset_fault()
     assert loop.run(20, Power.OFF)[-1].drive_state == DriveState.SWITCH_ON_DISABLED
     assert loop.run(20, Power.ON)[-1].drive_state == DriveState.OPERATION_ENABLED
+
+
+@pytest.mark.parametrize("drive", [DRIVE, FEETECH_DRIVE])
+@pytest.mark.parametrize("register", ["Torque Enable", "Hardware Error Status"])
+def test_a_servo_on_the_joint_that_does_more_than_measure_ends_the_run(drive: Any, register: str) -> None:
+    loop = DriverLoop(drive).up()
+    loop.node._joint[register] = 1
+    assert JOINT_SERVO in {reading.emergency for reading in loop.run(3, Power.ON)}
+    assert "servo on the joint" in FAMILY.explain(JOINT_SERVO)
 
 
 def test_two_servos_of_one_number_are_refused() -> None:

@@ -124,6 +124,10 @@ class AkParameters(NamedTuple):
                 expected=f"at most {most:.4g} N·m, as far as an {self.model} can report it",
                 do="reduce current_limit_a in [motor], or correct torque_constant_nm_per_a there",
             )
+        if self.home == "counts" and self.interface != "bowden_unix":
+            turn, do = 2.0 * math.pi / model.gear, f"{on_can.ELSEWHERE}make the range in [limits] smaller"
+            expected = 'less than a turn with home = "counts"'
+            on_can.check_turn(self, motor_scale(self), turn, "the rotor; the drive forgets", expected, do)
         if self.home == "hint" and needs.spool is None:
             period = 2.0 * math.pi / needs.gear
             if needs.highest_motor < self.motor_hint - period or needs.lowest_motor > self.motor_hint + period:
