@@ -268,7 +268,7 @@ REFUSED: dict[str, tuple[Harm, str]] = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_a_drive_without_what_safety_rests_on_gets_no_power(name: str) -> None:
+def test_a_node_without_what_safety_rests_on_gets_no_power(name: str) -> None:
     harm, said = REFUSED[name]
     bus = Harmed()
     harm(bus)
@@ -278,7 +278,7 @@ def test_a_drive_without_what_safety_rests_on_gets_no_power(name: str) -> None:
 
 
 @pytest.mark.parametrize("part", range(4))
-def test_a_drive_that_restarts_in_its_bring_up_is_refused_or_is_set_up_whole(part: int) -> None:
+def test_a_node_that_restarts_in_its_bring_up_is_refused_or_is_set_up_whole(part: int) -> None:
     """Whenever it is brought up, the loop's death takes its torque off."""
     refused = 0
     for question in range(1 + 5 * part, 150, 20):
