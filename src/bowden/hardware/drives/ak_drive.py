@@ -59,6 +59,7 @@ class AkDrive(Driver):
     def _prepare(self) -> None:
         self._model, self._reply_id = model_of(self._drive), reply_id(self._drive)
         self._v3, self._command_id = self._drive.board == "v3", command_id(self._drive)
+        self._told_by = self._model, self._drive.node_id, ak_mit.torque_per_ampere(self._drive)
         self._scale, self._first = motor_scale(self._drive), math.nan
         self._range = LimitedRange(2.0 * frames.HIGHEST_POSITION)
         self.turn = 2.0 * math.pi / self._model.gear
@@ -109,12 +110,12 @@ class AkDrive(Driver):
             DriveError: none, or one without an error code.
         """
         drive = self._drive
-        order = self._command_id, self._pack(_LIMP) if self._v3 else frames.EXIT
+        order = self._command_id, frames.pack_command(_LIMP, self._model) if self._v3 else frames.EXIT
         for _ in range(2):
             data = bus.ask(order, drive.answer_timeout, data_of(self._reply_id), 1)
             if data is None:
                 continue
-            reply = self._unpack(data)
+            reply = frames.unpack_reply(data, *self._told_by)
             if reply is None:
                 raise DriveError(
                     f"{bus.name} replies with {len(data)} bytes",
@@ -177,7 +178,7 @@ class AkDrive(Driver):
     def _take(self, identifier: int, data: bytes, now: float) -> bool:
         if not self._is_it(identifier, data):
             return False
-        reply = self._unpack(data)
+        reply = frames.unpack_reply(data, *self._told_by)
         if reply is not None:
             self._take_reply(reply, now)
         return True
@@ -272,7 +273,7 @@ class AkDrive(Driver):
         It has no quick stop: that is power off.
         """
         if self._entered:
-            self._order(self._pack(_LIMP))
+            self._order(frames.pack_command(_LIMP, self._model))
             self._until_off = self._unanswered + 1
         self._entered, self._expected = False, 0.0
         self._order(frames.EXIT)
@@ -281,32 +282,24 @@ class AkDrive(Driver):
         """A command; what the drive should make of it is kept."""
         held = max(ak_mit.ROOM - frames.HIGHEST_POSITION, min(frames.HIGHEST_POSITION - ak_mit.ROOM, position))
         self._expected = stiffness * (held - self._position) - damping * self._speed + torque
-        self._order(self._pack(frames.AkCommand(held, 0.0, stiffness, damping, torque)))
+        self._order(frames.pack_command(frames.AkCommand(held, 0.0, stiffness, damping, torque), self._model))
 
     def _tell_off(self, number: int) -> None:
         """The order to leave motor mode; before the first one, once, no gains."""
         if number == 0:
-            self._order(self._pack(_LIMP))
+            self._order(frames.pack_command(_LIMP, self._model))
         self._order(frames.EXIT)
 
     def _torque_told(self, identifier: int, data: bytes) -> bool | None:
-        reply = self._unpack(data) if self._is_it(identifier, data) else None
+        reply = frames.unpack_reply(data, *self._told_by) if self._is_it(identifier, data) else None
         return None if reply is None else abs(reply.torque) > STRAIN * self._model.torque
-
-    def _pack(self, command: frames.AkCommand) -> bytes:
-        return (frames.pack_command_v3 if self._v3 else frames.pack_command)(command, self._model)
-
-    def _unpack(self, data: bytes) -> frames.AkReply | None:
-        if not self._v3:
-            return frames.unpack_reply(data, self._model)
-        return frames.unpack_state_v3(data, self._drive.node_id, self._model, ak_mit.torque_per_ampere(self._drive))
 
     def _order(self, data: bytes) -> None:
         """A command; of a V3, which has no other order, those that are one go out as a command without gains."""
         if self._v3 and data in (frames.ENTER, frames.EXIT):
             if data == frames.ENTER:
                 return
-            data = self._pack(_LIMP)
+            data = frames.pack_command(_LIMP, self._model)
         self._unanswered = 1 if self._v3 else min(MOST_UNANSWERED, self._unanswered + 1)
         self._send(self._command_id, data)
 
@@ -335,14 +328,11 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
 
     def looked_at(identifier: int, data: bytes) -> None:
         number = identifier & 0xFF
-        if v3 and identifier & ~0xFF == EXTENDED | UPLOAD << 8:
-            reply = frames.unpack_state_v3(data, number, model, ak_mit.torque_per_ampere(drive))
-        elif not v3 and data != frames.EXIT and (reply := frames.unpack_reply(data, model)) is not None:
-            known = 0 < reply.number <= HIGHEST and identifier in (reply.number, reply_id(drive))
-            reply = reply if known else None
-        else:
+        reply = frames.unpack_reply(data, model, number, ak_mit.torque_per_ampere(drive))
+        if reply is None or data == frames.EXIT:
             return
-        if reply is not None:
+        told = (EXTENDED | UPLOAD << 8 | number,) if v3 else (reply.number, reply_id(drive))
+        if identifier in told and (v3 or 0 < reply.number <= HIGHEST):
             found[reply.number] = reply
 
     with joined(place(drive), drive.node_id, links) as port:
