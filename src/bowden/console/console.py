@@ -17,9 +17,10 @@ from bowden.console.lease import Lease
 from bowden.console.runs import RunOwner, RunSeen, TerminalRun
 from bowden.console.settings import RunSettings, shortly
 from bowden.console.stamps import Stamps
-from bowden.console.state import VOLATILE, error_of, finite, gains_of, rig_of, run_of
+from bowden.console.state import VOLATILE, error_of, gains_of, rig_of, run_of
 from bowden.console.stream import Watch
 from bowden.core.clock import SECOND
+from bowden.core.documented import finite
 from bowden.core.errors import BowdenError, ParameterError, SafetyError
 from bowden.design.verdict import CheckVerdict
 from bowden.hardware.twin.control import TwinControl

@@ -12,8 +12,8 @@ from typing import Any
 from bowden.console.access import Refused
 from bowden.console.jobs import Jobs
 from bowden.console.settings import shortly
-from bowden.console.state import finite
 from bowden.console.stream import MOST_COLUMNS, PIXELS
+from bowden.core.documented import finite
 
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}")
 """Of a log without its ending, as an address may have it; and it has to be in the folder."""

@@ -47,15 +47,6 @@ _NEXT = {
 }
 
 
-def finite(value: Any) -> Any:
-    """A value for JSON: None in place of a number that JSON does not have."""
-    if isinstance(value, Mapping):
-        return {key: finite(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def error_of(error: BowdenError | None) -> dict[str, str] | None:
     """An error in its three parts."""
     return None if error is None else {"what": error.what, "expected": error.expected, "do": error.do}

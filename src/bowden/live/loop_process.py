@@ -100,8 +100,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         require_same([(motor.name, motor.rig, serial_of(one.drive)) for motor, one in each])
         asked = live.rig.live
         grants = become_realtime(Settings(asked.priority, asked.cpu, asked.lock_memory))
-        names = live.names or ("",)
-        named = [f"{name}: {drive}" if name else drive for name, drive in zip(names, drives, strict=True)]
+        named = [f"{name}: {drive}" if name else drive for name, drive in zip(live.names, drives, strict=True)]
         say("ready", {"drive": "; ".join(named), "drives": drives, "grants": [asdict(grant) for grant in grants]})
     except BaseException:
         with contextlib.ExitStack() as stack:  # each, whatever becomes of another one

@@ -16,7 +16,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -243,12 +243,6 @@ class RingReader(_Mapped):
         row: Row = self._slots[at, 1:].copy()
         self._barrier()
         return row if head and self._numbers[at] == head else None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
 
 
 def _rows_offset(json_length: int) -> int:

@@ -198,8 +198,8 @@ class Session:
             self.emg_process.go()
 
     def _record_to(self, log: Path) -> None:
-        words = (str(self._ring), str(log), "--rig", self._revision)
-        self._recorder = child.started("bowden.live.recorder", *words, stdin=subprocess.DEVNULL)
+        words = ("bowden.live.recorder", str(self._ring), str(log), self._revision)
+        self._recorder = child.started(*words, stdin=subprocess.DEVNULL)
         self._processes.append(self._recorder)
 
     def _record_again(self) -> None:
@@ -399,7 +399,7 @@ class Session:
         What the first motor has in place of what is said there of all has its name: ``hip.mode``.
         """
         found = dict(zip(self.rows.description.columns, row.tolist(), strict=True))
-        own = {f"{name}.{column}": found[column] for name in self.live.names[:1] for column in OF_ALL}
+        own = {f"{name}.{column}": found[column] for name in self.live.names[:1] if name for column in OF_ALL}
         of_each = [motor.of(found) for motor in self.motors]
         return found | own | of_all(of_each, independent=self.live.independent)
 

@@ -28,7 +28,7 @@ class SessionMotor:
     Args:
         live: the run of this motor.
         columns: of the whole run.
-        names: of all motors; empty where there is one.
+        names: of all motors.
         start: the monotonic clock where the column ``time`` is zero [ns].
         remembers: whether the motor's warmth and its latch are taken from the run before and kept for the next one.
     """
@@ -37,15 +37,10 @@ class SessionMotor:
         self, live: Live, columns: Sequence[str], names: Sequence[str], start: int, *, remembers: bool
     ) -> None:
         self.live, self.name, self._remembers = live, live.name, remembers
-        seen = view(columns, names, live.name) if names else None
-        self._places = None if seen is None else np.array(seen.places)
-        self.columns = tuple(columns) if seen is None else seen.columns
+        seen = view(columns, names, live.name)
+        self._places, self.columns = np.array(seen.places), seen.columns
         """As a run with this motor alone has them."""
-        at = (
-            {name: i for i, name in enumerate(columns)}
-            if seen is None
-            else dict(zip(seen.columns, seen.places, strict=True))
-        )
+        at = dict(zip(seen.columns, seen.places, strict=True))
         self._at = {name: at[name] for name in AT}
         drive = live.rig.drive_parameters
         self._scenario = TwinScenario(drive, start / SECOND, self._at)
@@ -88,12 +83,10 @@ class SessionMotor:
 
     def values(self, row: Array) -> dict[str, float]:
         """This motor's part of a row of the run, by its columns without its name."""
-        return dict(zip(self.columns, (row if self._places is None else row[self._places]).tolist(), strict=True))
+        return dict(zip(self.columns, row[self._places].tolist(), strict=True))
 
     def of(self, row: Mapping[str, float]) -> dict[str, float]:
         """The same of a row that has names, as `Session.last` gives it or as the ring has it."""
-        if self._places is None:
-            return dict(row)
         named = list(row.values())
         own = {name: named[place] for name, place in zip(self.columns, self._places.tolist(), strict=True)}
         return own | {name: row[column] for name in OF_ALL if (column := f"{self.name}.{name}") in row}

@@ -210,13 +210,15 @@ def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, m
 def _replayed(found: "Recording", law: str | None, motor: str) -> tuple[ReplayFigures, bool]:
     """How the replay of one motor compares, and whether it differs though the law is the one that ran."""
     from bowden.control import user_law
+    from bowden.cycle.one_cycle import Filters
     from bowden.live.log_replay import law_of, source_for
     from bowden.live.log_rig import hash_of
     from bowden.live.replay import replay as run
-    from bowden.live.run_settings import filters_of, limits_of
+    from bowden.live.run_settings import recorded
+    from bowden.safety.limits import Limits
 
     chosen, same = law_of(found, law)
-    limits, filters = limits_of(found.settings), filters_of(found.settings)
+    limits, filters = recorded(Limits, found.settings, "limits"), recorded(Filters, found.settings, "filters")
     period, source = float(found.settings["sample_time"]), source_for(found, chosen)
     with user_law.explained(chosen):
         result = run(found, chosen, limits, filters, period, same=same, source=source)
