@@ -5,7 +5,7 @@ import contextlib
 import re
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -109,15 +109,15 @@ class EarlierRuns:
             await self._jobs.do(work, path=str(log), to=str(to))
         return to
 
-    async def curves(self, name: str, given: dict[str, str]) -> bytes:
+    async def curves(self, name: str, query: Mapping[str, str]) -> bytes:
         """Curves of it as a frame.
 
         Raises:
             Refused: what is asked for cannot be.
         """
-        columns = [one for one in given.get("columns", "").split(",") if one]
+        columns = [one for one in query.get("columns", "").split(",") if one]
         try:
-            begin, end, pixels = (float(given[key]) for key in ("from", "to", "pixels"))
+            begin, end, pixels = (float(query[key]) for key in ("from", "to", "pixels"))
         except (KeyError, ValueError):
             begin = end = pixels = 0.0
         within = 0.0 <= begin < end <= _LONGEST and PIXELS[0] <= pixels <= PIXELS[1]

@@ -13,7 +13,7 @@ from bowden.core.signals import DriveState
 from bowden.hardware.twin.injection import KINDS, SIDES
 from bowden.live.gain_ramp import in_force
 from bowden.live.preflight import REASONS, Reason
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import RecorderState
 from bowden.live.stops import remedy_of
 from bowden.rig.families import family_of
 from bowden.rig.rig import Rig

@@ -19,10 +19,9 @@ from bowden.live import stops
 from bowden.live.events import EMERGENCY
 from bowden.live.figures import GainChange, Lateness, LogFacts, RecordedRun, TimedText, Tracked
 from bowden.live.gain_ramp import ASKED, IN_FORCE
-from bowden.live.lateness import figures
 from bowden.live.log_rig import hash_of
-from bowden.live.mcap_read import Recording, motors_of
-from bowden.live.mcap_reader import LogReader
+from bowden.live.machine import figures
+from bowden.live.mcap_read import LogReader, Recording, motors_of
 from bowden.live.outcome import outcome_of
 from bowden.records.metrics import rmse
 from bowden.rig.families import family_named

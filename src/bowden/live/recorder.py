@@ -25,8 +25,7 @@ from bowden.live.left_behind import sweep
 from bowden.live.mcap_layout import Packing, topics
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.provenance import provenance
-from bowden.live.ring import Batch, Description, RingReader
-from bowden.live.ring_status import RecorderState, Report
+from bowden.live.ring import Batch, Description, RecorderState, Report, RingReader
 
 DRAIN_EVERY = 10_000_000
 """[ns]"""

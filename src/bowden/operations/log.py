@@ -9,8 +9,7 @@ from bowden.operations.support.operation import Operation, Switch
 from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
-    from bowden.live.mcap_read import Recording
-    from bowden.live.mcap_reader import LogReader
+    from bowden.live.mcap_read import LogReader, Recording
 
 File = Annotated[Path, Switch(metavar="FILE")]
 
@@ -146,8 +145,7 @@ def log_export(file: File, *, out: Path | None = None, motor: str | None = None)
     """
     from itertools import chain
 
-    from bowden.live.mcap_read import traces
-    from bowden.live.mcap_reader import LogReader
+    from bowden.live.mcap_read import LogReader, traces
     from bowden.records.trace import write_traces
 
     target = _other(out or file.with_suffix(".csv"), file)
