@@ -89,8 +89,8 @@ class Live:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the motors; empty where there is one."""
-        return tuple(motor.name for motor in self.several)
+        """Of the motors; one without a name where there is one."""
+        return tuple(motor.name for motor in self.motors)
 
     @property
     def independent(self) -> bool:
@@ -138,9 +138,8 @@ class Live:
 
     def columns(self) -> dict[str, str]:
         """Column → unit of the run's rows."""
-        if not self.several:
-            return self._columns(together=False)
-        return motor_columns.of_all({motor.name: motor._columns(together=True) for motor in self.several})
+        together = bool(self.several)
+        return motor_columns.of_all({motor.name: motor._columns(together=together) for motor in self.motors})
 
     def _columns(self, *, together: bool) -> dict[str, str]:
         emg, pushed = self.emg is not None, self.push() is not None
@@ -276,16 +275,15 @@ class Live:
             "reference": self.rig.trajectory.describe(),
             "seed": self.rig.seed,
             "rig": self.logged.document(),
-            **({"law_file": _where(law)} if isinstance(law, LawFile) and not self.measure else {}),
+            **(
+                {"law_file": law.path + law.name.rpartition(".py")[2]}
+                if isinstance(law, LawFile) and not self.measure
+                else {}
+            ),
             **({"emg": self.emg.settings()} if self.emg else {}),
             **({"push": self._push_settings()} if self.needs.torque_offset > 0.0 else {}),
             **({} if self.pushing is None else {"admittance": plain(self.source().settings)}),
         }
-
-
-def _where(law: LawFile) -> str:
-    """A user's law as ``FILE.py:NAME`` with the file's whole path."""
-    return law.path + law.name.rpartition(".py")[2]
 
 
 def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, joint_elsewhere: bool = False) -> Live:
