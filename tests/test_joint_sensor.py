@@ -17,7 +17,7 @@ from bowden.rig.settings import JointSensor
 from bowden.safety.detectors import joint_unsure
 from bowden.safety.evidence import joint_doubt
 from bowden.safety.limits import Limits
-from bowden.sim.one_run import run_of
+from bowden.sim.rig_runs import run_of
 
 IMU = {"source": "imu", "stream": "udp:5005"}
 STRETCH = {"source": "stretch", "stream": "udp:5005", "curve_values": (100.0, 900.0), "curve_angles": (0.0, 1.5)}

@@ -37,8 +37,8 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release, release_speed
-from bowden.sim.joint_of_rig import cabled_joint_of, joint_ranges
 from bowden.sim.parting import parting_of
+from bowden.sim.rig_runs import cabled_joint_of, joint_ranges
 
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
