@@ -17,7 +17,7 @@ from bowden.rig.settings import JointSensor
 from bowden.safety.detectors import joint_unsure
 from bowden.safety.evidence import joint_doubt
 from bowden.safety.limits import Limits
-from bowden.sim.one_run import run_of
+from bowden.sim.rig_runs import run_of
 
 IMU = {"source": "imu", "stream": "udp:5005"}
 STRETCH = {"source": "stretch", "stream": "udp:5005", "curve_values": (100.0, 900.0), "curve_angles": (0.0, 1.5)}
@@ -40,7 +40,6 @@ def test_a_rig_keeps_its_joint_sensor(given: dict[str, Any], tmp_path: Any) -> N
         (IMU | {"stream": "udp:x"}, "a port"),
         (IMU | {"axis": (1.0, 1.0, 0.0)}, "length 1"),
         (IMU | {"bodies": 2}, "quaternion"),
-        (IMU | {"bodies": 2, "gives": "inertial"}, "quaternion"),
         (STRETCH | {"curve_values": (1.0,), "curve_angles": (0.0,)}, "two readings"),
         (STRETCH | {"curve_values": (1.0, 3.0, 2.0), "curve_angles": (0.0, 1.0, 2.0)}, "only rise"),
         (IMU | {"delay": 0.09}, "its periods"),
@@ -103,25 +102,7 @@ def test_detectors_of_the_joint_allow_three_standard_deviations() -> None:
     assert joint_doubt(Limits(), seen) == 0.0
 
 
-def test_a_limit_of_no_uncertainty_is_refused() -> None:
-    with pytest.raises(ParameterError, match="joint_std_deg is 0"):
-        Rig(joint_sensor=IMU, limits=Limits(joint_std=0.0))
-
-
-@pytest.mark.parametrize(
-    ("sensor", "more", "said"),
-    [
-        (IMU, {}, "no angle has been confirmed"),
-        (IMU | {"gives": "quaternion"}, {}, "bowden calibrate joint"),
-        (IMU | {"gives": "quaternion", "axis": (0.0, 1.0, 0.0)}, {}, "no angle has been confirmed"),
-        ({"source": "motor"}, {}, "no angle has been confirmed"),
-        ({"source": "motor"}, {"suit": {"worn": True}}, "a suit means a limb"),
-    ],
-)
-def test_a_real_drive_gets_power_once_its_joint_s_angle_is_calibrated_and_confirmed(
-    sensor: dict[str, Any], more: dict[str, Any], said: str
-) -> None:
-    rig = Rig(joint_sensor=sensor, **more)
-    require_confirmed(rig)  # there is a twin
-    with pytest.raises(SafetyError, match=said):
-        require_confirmed(rig.replace(drive={"interface": "socketcan", "channel": "can0"}))
+def test_an_estimated_joint_is_run_on_twins_alone() -> None:
+    require_confirmed(Rig(joint_sensor=IMU))
+    with pytest.raises(SafetyError, match="--twin"):
+        require_confirmed(Rig(joint_sensor=IMU, drive={"interface": "socketcan", "channel": "can0"}))

@@ -21,7 +21,7 @@ from bowden.console.state import VOLATILE, error_of, finite, gains_of, rig_of, r
 from bowden.console.stream import Watch
 from bowden.core.clock import SECOND
 from bowden.core.errors import BowdenError, ParameterError, SafetyError
-from bowden.design.verdict import CheckVerdict
+from bowden.design.other_law import CheckVerdict
 from bowden.hardware.twin.control import TwinControl
 from bowden.live.gain_check import required
 from bowden.live.live_run import live_run

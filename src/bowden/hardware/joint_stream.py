@@ -3,12 +3,11 @@
     time v₁ … vₙ
 
 numbers apart by blanks or commas: when the sample was taken, by the sender's own clock [s], and what the sensor gives
-(docs/drives.md). What is no such line, comes from somebody else than the first sender, or is a little older than the
-last one is left out; a clock that is set back is followed. Nothing here waits once it is open.
+(docs/drives.md). What is no such line, comes from somebody else than the first sender, or is no newer than the
+last one is left out. Nothing here waits once it is open.
 """
 
 import contextlib
-import errno
 import math
 import socket
 from collections.abc import Sequence
@@ -32,8 +31,6 @@ from bowden.sensing.joint_sample import (
 
 MOST = 64
 """Samples taken in one look."""
-SET_BACK = 1.0
-"""Beyond which an older time is no datagram that was overtaken, but a sender that was started again [s]."""
 LONGEST = 1024
 """Of a datagram [bytes]."""
 WAIT = 5.0
@@ -86,13 +83,10 @@ class UdpLines:
             self._socket.bind((host, port))
         except OSError as error:
             self._socket.close()
-            taken = error.errno == errno.EADDRINUSE
             raise StreamError(
                 f"udp:{host}:{port} cannot be listened to: {error.strerror or error}",
-                expected="a free port of this computer" if taken else "an address of this computer, or 0.0.0.0 for all",
-                do="end the other program there, or choose another port in [joint_sensor]"
-                if taken
-                else "correct joint_sensor.stream",
+                expected="a free port of this computer",
+                do="end the other program there, or choose another port in [joint_sensor]",
             ) from None
         self._socket.setblocking(False)
 
@@ -106,8 +100,7 @@ class UdpLines:
                 break
             raw = raw_of(line, self._numbers)
             self._sender = self._sender or (host if raw else "")
-            late = raw is not None and self._last - SET_BACK < raw.time <= self._last
-            if raw is not None and host == self._sender and not late:
+            if raw is not None and host == self._sender and raw.time > self._last:
                 self._last = raw.time
                 found.append(raw)
         return found
@@ -187,15 +180,15 @@ class JointSamples:
         """What has come since the last look, for a calibration: a reading, or the orientation of `between`."""
         return [self._oriented(one) if self._sensor.source == "imu" else one.values for one in self._stream.look()]
 
-    def wait(self, clock: TimeSource | None = None) -> float:
-        """Wait for the first sample: its angle [rad].
+    def wait(self, clock: TimeSource | None = None) -> None:
+        """Wait for the first sample.
 
         Raises:
             StreamError: none comes.
         """
         time = MonotonicClock() if clock is None else clock
         end = time.now() + round(WAIT * SECOND)
-        while math.isnan(angle := self.look()):
+        while math.isnan(self.look()):
             if time.now() > end:
                 raise StreamError(
                     f"no sample of the joint's sensor has come by {self._sensor.stream} within {WAIT:g} s",
@@ -203,7 +196,6 @@ class JointSamples:
                     do="look at the sensor, its program and [joint_sensor]",
                 )
             time.sleep_until(time.now() + SECOND // 200)
-        return angle
 
     def close(self) -> None:
         """Leave the stream."""

@@ -37,8 +37,8 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release, release_speed
-from bowden.sim.joint_of_rig import cabled_joint_of, joint_ranges
 from bowden.sim.parting import parting_of
+from bowden.sim.rig_runs import cabled_joint_of, joint_ranges
 
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
@@ -200,8 +200,7 @@ class Live:
         Raises:
             StreamError: the sensor's stream cannot be opened.
         """
-        first = self.joint is None or self.joint.names[0] == self.name  # the other motors of a joint borrow it
-        return LiveEstimate(self.rig) if first and self.rig.joint_sensor.estimated else None
+        return LiveEstimate(self.rig) if self.rig.joint_sensor.estimated else None
 
     def _push_settings(self) -> Mapping[str, Any]:
         spool = plain(self.needs.spool)

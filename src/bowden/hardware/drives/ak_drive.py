@@ -13,6 +13,7 @@ command after its timeout. So here:
 """
 
 import math
+import time
 
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
@@ -322,7 +323,7 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
 
     Such a drive says nothing of itself before it is told something, so that there is no question without an order; this
     is the one with which nothing can move. It is not given where somebody uses these identifiers already: an AK drive
-    under another master, or devices of another protocol. Boards V3 tell their state by themselves: nothing is said.
+    under another master, or devices of another protocol.
 
     Args:
         drive: with the bus; its model's ranges are taken for all, and its `reply_id` where it has one.
@@ -331,39 +332,56 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
     Raises:
         DriveError: the bus cannot be used, or somebody uses these identifiers.
     """
-    model, v3, found = model_of(drive), drive.board == "v3", dict[int, frames.AkReply]()
+    model, common, found = model_of(drive), reply_id(drive), dict[int, frames.AkReply]()
 
-    def looked_at(identifier: int, data: bytes) -> None:
-        number = identifier & 0xFF
-        if v3 and identifier & ~0xFF == EXTENDED | UPLOAD << 8:
-            reply = frames.unpack_state_v3(data, number, model, ak_mit.torque_per_ampere(drive))
-        elif not v3 and data != frames.EXIT and (reply := frames.unpack_reply(data, model)) is not None:
-            known = 0 < reply.number <= HIGHEST and identifier in (reply.number, reply_id(drive))
-            reply = reply if known else None
-        else:
-            return
-        if reply is not None:
+    def looked_at(identifier: int, data: bytes) -> bool:
+        reply = frames.unpack_reply(data, model)
+        if (
+            reply is not None
+            and 0 < reply.number <= HIGHEST
+            and identifier in (reply.number, common)
+            and data != frames.EXIT
+        ):
             found[reply.number] = reply
+        return False
+
+    if drive.board == "v3":
+        return _probe_v3(drive, links)
+    with joined(place(drive), drive.node_id, links) as port:
+        ends = time.monotonic() + LISTENING
+        while (left := ends - time.monotonic()) > 0.0:
+            used = port.wait_for(lambda identifier, data: 0 < identifier <= HIGHEST, left)
+            if used is not None:
+                raise DriveError(
+                    f"somebody uses the identifiers of AK drives already (a frame {used[0]:03X}h)",
+                    expected="a bus on which nobody commands them",
+                    do="end the other program first, or give devices of another protocol a bus of their own",
+                )
+        for number in range(1, HIGHEST + 1):
+            port.send_now(number, frames.EXIT)
+            port.wait_for(looked_at, BETWEEN)
+        port.wait_for(looked_at, drive.answer_timeout)
+    return [_found(number, reply) for number, reply in sorted(found.items())]
+
+
+def _probe_v3(drive: AkParameters, links: Links) -> list[FoundDevice]:
+    """Which boards V3 there are: each uploads its state by itself, so that nothing is said."""
+    model, found = model_of(drive), dict[int, frames.AkReply]()
+
+    def heard(identifier: int, data: bytes) -> bool:
+        number = identifier & 0xFF
+        if identifier & ~0xFF == EXTENDED | UPLOAD << 8:
+            reply = frames.unpack_state_v3(data, number, model, ak_mit.torque_per_ampere(drive))
+            if reply is not None:
+                found[number] = reply
+        return False
 
     with joined(place(drive), drive.node_id, links) as port:
-        bus = Conversation(port, drive.node_id, lambda identifier, _: not v3 and 0 < identifier <= HIGHEST)
-        bus.wait(LISTENING, looked_at)
-        if bus.foreign is not None:
-            raise DriveError(
-                f"somebody uses the identifiers of AK drives already (a frame {bus.foreign:03X}h)",
-                expected="a bus on which nobody commands them",
-                do="end the other program first, or give devices of another protocol a bus of their own",
-            )
-        for number in () if v3 else range(1, HIGHEST + 1):
-            port.send_now(number, frames.EXIT)
-            bus.wait(BETWEEN, looked_at)
-        bus.wait(0.0 if v3 else drive.answer_timeout, looked_at)
-    return [
-        FoundDevice(
-            number,
-            "AK drive in MIT mode",
-            f"at {one.position:.3f} rad of its range, {frames.error_text(one.error) if one.error else 'no error'}",
-            "FAULT" if one.error else "SWITCH_ON_DISABLED",
-        )
-        for number, one in sorted(found.items())
-    ]
+        port.wait_for(heard, LISTENING)
+    return [_found(number, reply) for number, reply in sorted(found.items())]
+
+
+def _found(number: int, reply: frames.AkReply) -> FoundDevice:
+    where = f"at {reply.position:.3f} rad of its range, "
+    error = frames.error_text(reply.error) if reply.error else "no error"
+    return FoundDevice(number, "AK drive in MIT mode", where + error, "FAULT" if reply.error else "SWITCH_ON_DISABLED")

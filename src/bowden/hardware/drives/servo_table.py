@@ -31,7 +31,9 @@ ReturnDelay = Annotated[
 ]
 JointServo = Annotated[
     Literal["servo", "none"],
-    Quantity("what measures the joint: servo, a second one of this model, without torque; none, with [joint_sensor]"),
+    Quantity(
+        "what measures the joint: servo, a second one of this model, without torque; none, and then nothing can run"
+    ),
 ]
 
 
