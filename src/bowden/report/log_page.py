@@ -13,7 +13,6 @@ from bowden.live import stops
 from bowden.live.events import UNREAD, UNREAD_EMG, UNSETTLED
 from bowden.live.figures import LogFacts
 from bowden.records.trace import Trace
-from bowden.report import log_figures as figures
 from bowden.report.page import Page, flat
 from bowden.report.simulate_figures import law_states
 
@@ -73,7 +72,7 @@ def states(trace: Trace) -> "Figure | None":
     What had not been read yet when the log begins is no fault.
     """
     columns = [name for name in _STATES if name in trace.columns]
-    faults = _faults(trace)
+    faults = faults_of(trace)
     if not columns and not faults:
         return None
     count = len(columns) + len(faults)
@@ -138,7 +137,7 @@ def _same_time(trace: Trace, *rows: "Axes") -> None:
         axes.set_xlim(trace.time[0], trace.time[-1])
 
 
-def _faults(trace: Trace) -> list[tuple[str, Array]]:
+def faults_of(trace: Trace) -> list[tuple[str, Array]]:
     """Name of each fault that was ever there, and whether it was there in each cycle."""
     if "faults" not in trace.columns:
         return []
@@ -201,57 +200,49 @@ def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: LogFacts,
     page.heading("How it went")
     _summary(page, trace, facts)
     has = set(trace.columns).issuperset
-    if has({"reference", "joint"}):
-        page.heading("How well the joint followed" if np.isfinite(trace.error).any() else "Motion of the joint")
-        page.figure(
-            figures.motion(trace),
-            "Above: measured joint angle and, while there was one, the reference. Below: error, joint − reference."
-            if np.isfinite(trace.error).any()
-            else "Measured joint angle; this log has no reference.",
+    if has({"reference", "joint"}) and np.isfinite(trace.error).any():
+        page.part(
+            "How well the joint followed",
+            motion(trace),
+            "Above: measured joint angle and, while there was one, the reference. Below: error, joint − reference.",
         )
+    elif has({"reference", "joint"}):
+        page.part("Motion of the joint", motion(trace), "Measured joint angle; this log has no reference.")
     if has({"motor"}) and not {"requested_target", "command"}.isdisjoint(trace.columns):
-        page.heading("Commands to the motor")
-        page.figure(
-            figures.commands(trace),
+        page.part(
+            "Commands to the motor",
+            commands(trace),
             "Above: the angle that was requested for the motor, the command that the supervisor sent, and the measured "
             "motor angle. Below: how far the motor was from both.",
         )
-    bands = figures.states(trace)
-    if bands is not None:
-        page.heading("Modes, reactions and faults")
-        page.figure(
-            bands, "The states of the loop over time, each with its name; below them, a bar while a fault was there."
-        )
+    page.part(
+        "Modes, reactions and faults",
+        states(trace),
+        "The states of the loop over time, each with its name; below them, a bar while a fault was there.",
+    )
     if events:
         rows = [[f"{time:.3f}", text] for time, text in events[:_MOST_EVENTS]]
         more = len(events) - len(rows)
         left_out = f"The first {_MOST_EVENTS} changes of state; {more} more are in the log."
         page.table(["time [s]", "event"], rows, caption=left_out if more > 0 else "All changes of state.")
-    emg = figures.measured(trace, figures.CONTRACTIONS)
-    if emg is not None:
-        page.heading("EMG")
-        page.figure(emg, "The muscle's level, and what was made of it: 0 rest, 1 flex, 2 hold, 3 extend.")
-    loads = figures.measured(trace, figures.LOADS)
-    if loads is not None:
-        page.heading("Load and heat")
-        page.figure(loads, "Current and temperatures that the drive measured or that were computed from them.")
-    late = figures.lateness(trace)
-    if late is not None:
-        page.heading("How punctual the loop was")
-        page.figure(
+    muscle = "The muscle's level, and what was made of it: 0 rest, 1 flex, 2 hold, 3 extend."
+    page.part("EMG", measured(trace, CONTRACTIONS), muscle)
+    warmed = "Current and temperatures that the drive measured or that were computed from them."
+    page.part("Load and heat", measured(trace, LOADS), warmed)
+    if (late := lateness(trace)) is not None:
+        page.part(
+            "How punctual the loop was",
             late,
             "How many cycles began how late (left), and took how long (right). All axes are logarithmic; what is below "
             "1 µs is counted there.",
         )
         page.table(["", "p50 [µs]", "p99 [µs]", "p99.9 [µs]", "largest [µs]"], list(_punctuality(facts)))
-    inside = law_states(trace, COLOURS.get(str(facts.law), COLOURS["joint"]))
-    if inside is not None:
-        page.heading("Inside the law")
-        page.figure(
-            inside,
-            "The state of the law over time, each variable between its smallest and its largest value (right), in SI "
-            "units and radians.",
-        )
+    page.part(
+        "Inside the law",
+        law_states(trace, COLOURS.get(str(facts.law), COLOURS["joint"])),
+        "The state of the law over time, each variable between its smallest and its largest value (right), in SI units "
+        "and radians.",
+    )
     page.heading("What made this run")
     page.text("Angles are in radians, everything else in SI units.")
     settings = {key: value for key, value in trace.settings.items() if key not in _LEFT_OUT}
