@@ -20,7 +20,7 @@ from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.identify.cable import checks
 from bowden.identify.cable.turns import least_swing, reversals
 from bowden.identify.log.angles import angle_units
-from bowden.identify.log.clock import even_clock
+from bowden.identify.log.clock import even_clock, held_rows
 from bowden.identify.log.columns import find_columns, split_name
 from bowden.identify.log.read import checked_rate, read_log
 from bowden.records.trace import Trace
@@ -357,6 +357,19 @@ def test_a_gap_is_one_where_every_row_is_doubled() -> None:
     late = np.delete(time, [0, 2])
     late = np.sort(np.concatenate([late[(late < 1.001) | (late > 1.003)], np.full(2, 1.004)]))  # of a late tick
     assert len(even_clock(late, [late], str)[0]) == 2000
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("rows", [1, 4])
+def test_only_a_reading_that_is_repeated_is_held(seed: int, rows: int) -> None:
+    """A joint that turns by a few counts a row, with noise of half of one, is new in each."""
+    random = np.random.default_rng(seed)
+    count = math.tau / 16384.0
+    time = np.arange(0.0, 20.0, 0.004)
+    speed = np.radians(random.uniform(5.0, 60.0))
+    joint = speed * np.sin(time) + random.uniform(0.0, 0.5) * count * random.standard_normal(time.size)
+    read = np.round(joint / count)[np.arange(time.size) // rows * rows] * count
+    assert held_rows(read)[0] == rows
 
 
 @pytest.mark.parametrize(("turn", "unit"), [(360.0, "deg"), (math.tau, "rad"), (8192.0, "counts")])
