@@ -179,14 +179,3 @@ def test_quaternions_of_two_bodies_are_the_angle_between_them() -> None:
     left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
     angle = angle_of([upper, left @ turned])
     assert np.abs(angle) == pytest.approx(np.abs(JOINT - JOINT[0]), abs=1e-9)
-
-
-def test_a_long_gap_cuts_the_log_and_short_ones_are_bridged(tmp_path: Path) -> None:
-    kept = (TIME < 6.0) | (TIME > 8.0)
-    kept[700:703] = False
-    np.savetxt(tmp_path / "log.csv", np.c_[TIME, MOTOR, JOINT][kept], "%.6f", ",", header="time_s,motor_rad,joint_rad",
-               comments="")  # fmt: skip
-    log = read_log(tmp_path / "log.csv")
-    assert log.time[0] == pytest.approx(8.02)
-    assert log.joint == pytest.approx(np.interp(log.time, TIME, JOINT), abs=0.02)
-    assert any("the longest stretch was taken, 15.96 of 23.98 s" in said for said in log.warnings)

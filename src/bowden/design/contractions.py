@@ -14,7 +14,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.drawing import shown
 from bowden.identify.emg.detector_score import DetectorScore
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
-from bowden.identify.emg.log import EmgLog, channel_unit, checked_emg, read_emg, read_labels
+from bowden.identify.emg.log import EmgRecording, channel_unit, checked_emg, read_emg, read_labels
 from bowden.identify.emg.score import Findings, Spans, find, spans
 from bowden.sensing import wearer_file
 from bowden.sensing.detector import Detector
@@ -24,7 +24,7 @@ from bowden.sensing.wearer_file import MuscleCalibration
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Recording = str | Path | EmgLog | ArrayLike
+Recording = str | Path | EmgRecording | ArrayLike
 """The path of a recording, or the samples of one channel (n,)."""
 _MOST_SPANS = 5
 """Contractions that a warning lists."""
@@ -34,7 +34,7 @@ _MOST_SPANS = 5
 class Contractions:
     """The contractions that were found in one channel of a recording."""
 
-    log: EmgLog = field(compare=False)
+    log: EmgRecording = field(compare=False)
     """The channel."""
     labels: Spans | None
     """Onset and end of the contractions as they are known, in the recording's time [s]; None without labels."""
@@ -129,7 +129,7 @@ def _in_words(score: DetectorScore) -> str:
 
 
 def scored(
-    log: EmgLog,
+    log: EmgRecording,
     *,
     labels: "str | Path | Sequence[tuple[float, float]] | None",
     wearer: str | Path | MuscleCalibration | None,
@@ -176,14 +176,14 @@ def scored(
 
 
 def calibrated(
-    log: EmgLog, rest: EmgLog | None, mains: float, kind: Detector
+    log: EmgRecording, rest: EmgRecording | None, mains: float, kind: Detector
 ) -> tuple[MuscleCalibration, dict[str, float], list[str]]:
     """A wearer's levels from channels that were read, the note on what was left out → how much [s], and warnings.
 
     Raises:
         LogError: too little is left of a recording, or there is no contraction in it.
     """
-    read: list[tuple[EmgLog, EnvelopeLevels]] = []
+    read: list[tuple[EmgRecording, EnvelopeLevels]] = []
     for one in (log, rest):
         if one is not None:
             read.append((one, envelope_levels(one.values, one.rate, one.name, mains, kind)))
@@ -196,7 +196,7 @@ def calibrated(
     return wearer_file.check(wearer, source), notes, [] if rest is None else _rest_warnings(rest, log, kind)
 
 
-def _rest_warnings(rest: EmgLog, log: EmgLog, kind: Detector) -> list[str]:
+def _rest_warnings(rest: EmgRecording, log: EmgRecording, kind: Detector) -> list[str]:
     """What is odd about a recording of rest: contractions in it, or another unit than the other recording's."""
     found = [(rest.start + on, rest.start + off) for on, off in _contractions(rest, kind)]
     warnings = []
@@ -213,7 +213,7 @@ def _rest_warnings(rest: EmgLog, log: EmgLog, kind: Detector) -> list[str]:
     return warnings
 
 
-def _contractions(log: EmgLog, kind: Detector) -> Spans:
+def _contractions(log: EmgRecording, kind: Detector) -> Spans:
     """Contractions that the detector finds, from the first sample on [s]."""
     return spans(OnsetDetector(log.rate, None, kind).feed(log.values).active, log.rate)
 
@@ -223,7 +223,7 @@ def note_left_out(seconds: float, where: str) -> str:
     return f"{where}: {seconds:.1f} s of dead electrode, movement, mains or clicks are left out"
 
 
-def recording_of(recording: Any, channel: str | None, rate: float | None, function: str) -> EmgLog:
+def recording_of(recording: Any, channel: str | None, rate: float | None, function: str) -> EmgRecording:
     """One channel of what was given as a recording.
 
     Raises:
@@ -233,7 +233,7 @@ def recording_of(recording: Any, channel: str | None, rate: float | None, functi
     if rate is not None and not 0.0 < rate < 1e6:
         what = argument("rate").rstrip("=")
         raise ParameterError(f"{what} is {rate:g}", expected="samples a second, such as 1000", do="correct it")
-    if isinstance(recording, EmgLog):
+    if isinstance(recording, EmgRecording):
         return recording
     if isinstance(recording, str | Path):
         return read_emg(Path(recording), channel, rate)
@@ -264,7 +264,7 @@ def _spans(labels: Any) -> Spans | None:
     return pairs
 
 
-def _check_labels(labels: Spans | None, log: EmgLog, where: str) -> None:
+def _check_labels(labels: Spans | None, log: EmgRecording, where: str) -> None:
     end = log.start + len(log.values) / log.rate
     if labels and (labels[0][0] < log.start or labels[-1][1] > end):
         raise LogError(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.drawing.style import COLOURS, CYCLE, legend, new_figure
-from bowden.identify.emg.log import EmgLog
+from bowden.identify.emg.log import EmgRecording
 from bowden.identify.emg.score import Findings, Spans, spans
 from bowden.sensing.envelope import PLAIN_THRESHOLD
 
@@ -21,14 +21,14 @@ _MOST = 4000
 """Points of a line: the lowest and highest of each stretch are drawn."""
 
 
-def signal_figure(log: EmgLog, labels: Spans | None, found: Findings) -> "Figure":
+def signal_figure(log: EmgRecording, labels: Spans | None, found: Findings) -> "Figure":
     """Signal, envelope and spans over time."""
     figure, axes = new_figure(3, 1, height=5.2, share_x=True)
     draw_signal(axes, log, labels, found)
     return figure
 
 
-def draw_signal(axes: "Sequence[Axes]", log: EmgLog, labels: Spans | None, found: Findings) -> None:
+def draw_signal(axes: "Sequence[Axes]", log: EmgRecording, labels: Spans | None, found: Findings) -> None:
     """The same on three axes."""
     above, middle, below = axes
     time = log.start + np.arange(len(log.values)) / log.rate

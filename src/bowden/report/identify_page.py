@@ -74,14 +74,14 @@ def identify_page(fit: Fit) -> Page:
         )
         page.heading("What is left")
         figure, (axes,) = new_figure(1, 1, height=2.8)
-        draw_residual(axes, fit)
+        draw_residual(axes, fit.logs[0])
         page.figure(figure, "Error of the recalibrated model over time, joint − model.")
         return page
     if several:
         _logs_table(page, fit)
         page.heading("The loop")
         figure, (axes,) = new_figure(1, 1, height=3.6)
-        draw_loads(axes, fit)
+        draw_loads(axes, fit.best.parameters, fit.units)
         page.figure(
             figure,
             "Both branches of the loop at the least, the middle and the largest load or bend of the logs, less one "
@@ -266,7 +266,7 @@ def _spread(uncertainty: float) -> str:
 def loop_figure(fit: Fit) -> "Figure":
     """Joint over motor, whole and without its straight line."""
     figure, panels = new_figure(1, 2, height=3.4, ticks=_TICKS)
-    draw_loop(panels, fit)
+    draw_loop(panels, fit.logs[0], fit.models["line"].model, fit.chosen.loop)
     return _placed(figure, wspace=0.28, bottom=0.16, top=0.88)
 
 
@@ -289,8 +289,8 @@ def _time_figure(fit: Fit) -> "Figure":
 def _residual_figure(fit: Fit) -> "Figure":
     """Joint minus model, over time and, of the second half, over the motor's angle."""
     figure, (upper, lower) = new_figure(2, 1, height=4.2, ticks=_TICKS)
-    draw_residual(upper, fit)
     one = fit.logs[0]
+    draw_residual(upper, one)
     _shade(upper, one.log.time - one.log.time[0], fit)
     late = slice(one.split, None)
     _density(lower, one.log.motor[late] * DEGREES, (one.log.joint - one.predicted)[late] * DEGREES, upper.get_ylim())

@@ -336,18 +336,13 @@ def _gram(sums: Array, penalty: Array) -> Array:
     return np.asarray(of_data + penalty + ridge[..., None] * np.eye(2 * _NODES))
 
 
-def _nodes(sums: Array, penalty: Array) -> Array:
-    """The nodes (2k,) that solve a penalised Gram matrix, the joint last."""
-    return np.asarray(np.linalg.solve(_gram(sums, penalty), sums[:-1, -1]))
-
-
 def _solved(
     path: Path, columns: Array, cable: Branches, strengths: tuple[float, float]
 ) -> tuple[Branches, tuple[float, float]]:
     """The best branches of a design and the λ that they took to rise, both, with the motor."""
     sums, weight, one_seen = products(columns, path.weight), float(path.weight.sum()), _one_seen(cable)
     while max(strengths) < _STIFFEST:
-        nodes = _nodes(sums, _penalty(strengths, weight, one_seen))
+        nodes = np.asarray(np.linalg.solve(_gram(sums, _penalty(strengths, weight, one_seen)), sums[:-1, -1]))
         mean, gaps = nodes[:_NODES], nodes[_NODES:]
         steps = np.diff(mean) * (1.0 if mean[-1] >= mean[0] else -1.0)
         if (gaps >= 0.0).all() and (steps >= np.abs(np.diff(gaps))).all():
