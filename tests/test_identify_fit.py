@@ -497,9 +497,7 @@ def test_parameters_that_are_not_shown_decide_for_the_simpler_model() -> None:
     size = {"rich": 9, "simple": 2}
     errors = {"rich": np.array([1.0, 1.1, 0.9]), "simple": np.array([1.5, 1.6, 1.4])}
     assert simplest_of_the_best(errors, size) == "rich"
-    near = errors | {
-        "simple": 1.08 * errors["rich"]
-    }  # clearly above, and less than a twentieth in the root mean square
+    near = errors | {"simple": 1.08 * errors["rich"]}  # above, but by less than a twentieth in the root mean square
     assert simplest_of_the_best(near, size) == "rich"
     assert simplest_of_the_best(near, size, unseen=["rich"]) == "simple"
     assert simplest_of_the_best(errors, size, unseen=["rich"]) == "rich"

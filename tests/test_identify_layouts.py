@@ -158,14 +158,8 @@ def test_the_clocks_of_two_files_are_aligned_by_the_motion(tmp_path: Path, shift
     found = float(said.split("stands ")[1].split(" ")[0])
     assert found == pytest.approx(shift, abs=0.003)
     assert fit.models["play"].parameters["half_width"] == pytest.approx(0.06, rel=0.05)
-    np.savetxt(
-        tmp_path / "motor.csv",
-        np.c_[fast, noise.standard_normal(len(fast))],
-        "%.6f",
-        ",",
-        header="t_s,motor_rad",
-        comments="",
-    )
+    other = np.c_[fast, noise.standard_normal(len(fast))]
+    np.savetxt(tmp_path / "motor.csv", other, "%.6f", ",", header="t_s,motor_rad", comments="")
     with pytest.raises(LogError, match="not of one motion"):
         bowden.identify([tmp_path / "motor.csv", tmp_path / "joint.csv"])
 

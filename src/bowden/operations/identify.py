@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from bowden.core.documented import Documented
+from bowden.identify.cable.hysteresis_loop import HysteresisLoop
 from bowden.operations.support.operation import GivenProgress, Operation, Role, Switch
 from bowden.operations.support.results import Result, TrustLevel, degrees, fields
 
@@ -55,33 +56,6 @@ class FittedModel(Documented):
     log."""
     test_rms_deg: float | None
     """Error of the joint on the second half, of the family fitted to the first [deg]."""
-
-
-@dataclass(frozen=True)
-class LoopOfModel(Documented):
-    """The hysteresis loop of a model."""
-
-    slope: float
-    """Of the middle half of the stroke [rad/rad]."""
-    slope_error: float | None
-    offset: float
-    """Joint angle at motor angle 0 of the line through the middle half [rad]."""
-    offset_error: float | None
-    height: float
-    """How far apart both ways are there, at the joint; below zero where the joint leads [rad]."""
-    height_error: float | None
-    rising_place: tuple[float | None, ...]
-    """Motor angles along the stroke while it rises; null where it did not pass [rad]."""
-    rising: tuple[float | None, ...]
-    """Joint angles there [rad]."""
-    rising_error: tuple[float | None, ...]
-    falling_place: tuple[float | None, ...]
-    """Motor angles while it falls [rad]."""
-    falling: tuple[float | None, ...]
-    """Joint angles there [rad]."""
-    falling_error: tuple[float | None, ...]
-    curve_error: float | None
-    """Root mean square of rising_error and falling_error [rad]."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +147,7 @@ class Identification(Result["Fit"]):
     judged_rms_deg: float | None
     """Error to expect of motion that was not seen: on the second half; of several logs on unseen loads, their offset
     known; of a known model as its file says [deg]."""
-    loop: LoopOfModel | None
+    loop: HysteresisLoop | None
     """Of the recommended model, as it runs along the log; an error is one standard deviation, null where nothing tells
     it. Null of several logs and of a known model, and where the motor has not gone both ways through the middle of its
     stroke."""
@@ -285,14 +259,14 @@ def identify(
     by = variables_of({"load": load, "bend": bend}, log, logs, known)
     with reported(progress, "identify") as report:
         fit = identify_cable(logs, by, known, seed=seed, progress=report)
-    loop, ahead, found = fit.chosen.loop, fit.forecast, fit.recalibration
+    ahead, found = fit.forecast, fit.recalibration
     return Identification(
         fit.best.name,
         tuple(fit.warnings),
         fit.samples,
         {family: _of(FittedModel, one) for family, one in fit.models.items()},
         degrees(fit.judged_rms),
-        _of(LoopOfModel, loop) if loop else None,
+        fit.chosen.loop,
         ForecastOfModel(*map(degrees, ahead)) if ahead else None,
         TrustLevel(*fit.trust),
         ScheduleVariables(fit.units.get("load"), "rad" if "bend" in fit.units else None),

@@ -8,14 +8,14 @@ import numpy as np
 from bowden.core.units import DEGREES
 from bowden.drawing.style import COLOURS, legend, note_cut, thin, widened
 from bowden.identify.cable.fitted import FittedLog
-from bowden.identify.cable.loop import HysteresisLoop
+from bowden.identify.cable.hysteresis_loop import HysteresisLoop
 from bowden.models.cable.scheduled import cable_of, hats, powers
 from bowden.plants.identified import CableModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_POINTS = 1500
+POINTS = 1500
 """Of a curve: more make no visible difference."""
 PARTS = {"first half": "#c9ced3", "second half": "#b5d3e7"}
 """Half of the log → its colour: pale and broad, so that the model's thin line hides nothing of it."""
@@ -29,10 +29,10 @@ def draw_loop(axes: "Sequence[Axes]", one: FittedLog, straight: CableModel, loop
     motor = log.motor * DEGREES
     for panel, base in zip(axes, (np.zeros_like(line), line), strict=False):
         for part, (label, colour) in zip((slice(0, one.split), slice(one.split, None)), PARTS.items(), strict=True):
-            shown = thin(motor[part], (log.joint - base)[part] * DEGREES, _POINTS)
+            shown = thin(motor[part], (log.joint - base)[part] * DEGREES, POINTS)
             panel.plot(*shown, color=colour, lw=2.8, label=label)
         late = slice(one.split, None)
-        drawn = thin(motor[late], (one.predicted - base)[late] * DEGREES, _POINTS)
+        drawn = thin(motor[late], (one.predicted - base)[late] * DEGREES, POINTS)
         panel.plot(*drawn, color=COLOURS["model"], lw=0.8, label="model")
         panel.set_xlabel("motor [°]")
     axes[0].set_ylabel("joint [°]")
@@ -80,7 +80,7 @@ def draw_loads(axes: "Axes", scheduled: Mapping[str, float], units: Mapping[str,
 def draw_residual(axes: "Axes", one: FittedLog) -> None:
     """Joint minus model over time."""
     time, rest = one.log.time - one.log.time[0], (one.log.joint - one.predicted) * DEGREES
-    axes.plot(*thin(time, rest, _POINTS), color=COLOURS["error"], lw=0.8)
+    axes.plot(*thin(time, rest, POINTS), color=COLOURS["error"], lw=0.8)
     low, high = np.quantile(rest[one.fitted_from :], (0.001, 0.999))  # the start may lie far outside
     axes.set_ylim(*widened(float(low), float(high), 0.3))
     note_cut(axes, [rest])

@@ -24,7 +24,7 @@ from bowden.identify.cable import drawing
 from bowden.identify.cable.cycles import Cycles
 from bowden.identify.cable.fitted import FittedLog, ModelFit, Recalibration
 from bowden.identify.cable.forecast import Forecast, forecast
-from bowden.identify.cable.loop import HysteresisLoop, loop_lines
+from bowden.identify.cable.hysteresis_loop import HysteresisLoop, loop_lines
 from bowden.identify.log.read import Log
 from bowden.plants.cable_parameters import check_parameters, meaning, parameter_lines, shown_value
 from bowden.plants.identified import CableModel
@@ -311,7 +311,7 @@ def _loop_lines(loop: HysteresisLoop | None) -> list[str]:
         "",
         "[loop]  # of the recommended model over this log; _error: one standard deviation, inf where not shown",
     ]
-    for key, value in loop._asdict().items():
+    for key, value in list(vars(loop).items())[:-1]:  # the curve's error follows from the others
         said = "[" + ", ".join(_number(one) for one in value) + "]" if isinstance(value, tuple) else _number(value)
         lines.append(f"{key} = {said}" + (f"  # {texts[key]}" if key in texts else ""))
     return lines

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bowden.core.units import DEGREES
 from bowden.drawing import shown
 from bowden.identify.cable.cycles import Cycles, drift, whole_cycles
-from bowden.identify.cable.loop import HysteresisLoop
+from bowden.identify.cable.hysteresis_loop import HysteresisLoop
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.turns import peak_speed
 from bowden.identify.log.read import Log

@@ -121,7 +121,9 @@ class GeneralisedPlay:
 
     def _fit(self, path: Path, again: int) -> Estimate:
         stack = bent_stack(path, LAGS * path.span)
-        return _settled(path, stack.lag, _straight(path, stack), again)
+        straight = np.zeros(_NODES), np.full(_NODES, stack.gap)
+        cable = Branches(stack.slope, *straight, *_range(path), stack.reaches, stack.shares, 0.0, 0.0)
+        return _settled(path, stack.lag, cable, again)
 
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`; the plays stay, and so does where each is in contact.
@@ -179,11 +181,6 @@ def _range(path: Path) -> tuple[float, float]:
     """Lowest and highest motor angle that was fitted [rad]."""
     fitted = path.motor[path.weight > 0]
     return float(fitted.min()), float(fitted.max())
-
-
-def _straight(path: Path, stack: BentStack) -> Branches:
-    gaps = np.full(_NODES, stack.gap)
-    return Branches(stack.slope, np.zeros(_NODES), gaps, *_range(path), stack.reaches, stack.shares, 0.0, 0.0)
 
 
 def _settled(path: Path, lag: float, cable: Branches, again: int) -> Estimate:
