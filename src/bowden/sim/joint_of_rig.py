@@ -7,7 +7,7 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.plants.user_plant import UserPlant
-from bowden.records.traces import Traces
+from bowden.records.trace import Traces
 from bowden.rig.joints import RigJoint
 from bowden.sim import ranges
 from bowden.sim.joint import CabledJoint, JointMotor, Range, simulate_joint
