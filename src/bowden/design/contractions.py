@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from bowden.core import arguments
 from bowden.core.caller import argument
 from bowden.core.errors import LogError, ParameterError
-from bowden.drawing import shown
+from bowden.drawing.shown import Drawn, Grid, listed
 from bowden.identify.emg.detector_score import DetectorScore
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
 from bowden.identify.emg.log import EmgLog, channel_unit, checked_emg, read_emg, read_labels
@@ -31,8 +31,11 @@ _MOST_SPANS = 5
 
 
 @dataclass(frozen=True, repr=False)
-class Contractions:
-    """The contractions that were found in one channel of a recording."""
+class Contractions(Drawn):
+    """The contractions that were found in one channel of a recording.
+
+    `plot` draws the signal, its envelope, and what was found over time, on three axes.
+    """
 
     log: EmgLog = field(compare=False)
     """The channel."""
@@ -67,35 +70,16 @@ class Contractions:
         """Time of movement, mains or a dead electrode, in which nothing can be detected [s]."""
         return float((self.findings.detected.trouble > 0.5).sum()) / self.log.rate
 
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw the signal, its envelope, and what was found over time.
+    @property
+    def _grid(self) -> Grid:
+        return Grid(3, 1, 7.0, 5.2)
 
-        Args:
-            axes: matplotlib's, three; a new figure is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than three axes.
-        """
+    def _draw(self, axes: "Sequence[Axes]") -> None:
         from bowden.design.contractions_figure import draw_signal
 
-        found = shown.axes_for(axes, 3, 1, 7.0, 5.2)
-        if len(found) != 3:
-            raise ParameterError(f"plot: axes are {len(found)}", expected="three", do="leave them out for new ones")
-        draw_signal(found, self.log, self.labels, self.findings)
-        return found
-
-    def __repr__(self) -> str:
-        """One screen: how many contractions, misses, false activations and latency."""
-        return shown.screen(self._title(), self._rows())
-
-    def _repr_html_(self) -> str:
-        from bowden.design.contractions_figure import signal_figure
-
-        figure = signal_figure(self.log, self.labels, self.findings)
-        return shown.fragment(self._title(), self._rows(), figure)
+        if len(axes) != 3:
+            raise ParameterError(f"plot: axes are {len(axes)}", expected="three", do="leave them out for new ones")
+        draw_signal(axes, self.log, self.labels, self.findings)
 
     def _title(self) -> str:
         return f"{len(self.spans)} contractions in {self.log.channel}"
@@ -117,7 +101,7 @@ def _in_words(score: DetectorScore) -> str:
         return "" if seconds is None else f"{1e3 * seconds:.0f} ms"
 
     latency = milliseconds(score.latency_median_s)
-    return shown.listed(
+    return listed(
         (
             f"{score.detections} found",
             "" if score.misses is None else f"{score.misses} missed",

@@ -5,7 +5,7 @@ import html
 import shutil
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,75 @@ if TYPE_CHECKING:
 
 Rows = Iterable[tuple[str, str]]
 """Label and text of each line."""
+
+
+class Grid(NamedTuple):
+    """Axes of a figure."""
+
+    rows: int
+    columns: int
+    width: float
+    """Of the whole figure [inch]."""
+    height: float
+    """[inch]"""
+
+
+class Shown:
+    """A result that shows itself: a screen of text in a terminal, a table in a notebook."""
+
+    def _title(self) -> str:
+        raise NotImplementedError  # of its class
+
+    def _rows(self) -> Rows:
+        raise NotImplementedError  # likewise
+
+    def _figure(self) -> "Figure | None":
+        return None
+
+    def __repr__(self) -> str:
+        """One screen: a title, and a line for each row."""
+        return screen(self._title(), self._rows())
+
+    def _repr_html_(self) -> str:
+        return fragment(self._title(), self._rows(), self._figure())
+
+
+class Drawn(Shown):
+    """A result that can be drawn, and has its picture in a notebook."""
+
+    @property
+    def _grid(self) -> Grid:
+        raise NotImplementedError
+
+    def _draw(self, axes: "Sequence[Axes]") -> None:
+        raise NotImplementedError
+
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw it; what is drawn stands in the text of its class.
+
+        Args:
+            axes: matplotlib's, as many as it has or fewer; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes, or nothing that could be drawn.
+        """
+        found = axes_for(axes, *self._grid)
+        self._draw(found)
+        return found
+
+    def _drawable(self) -> bool:
+        return True
+
+    def _figure(self) -> "Figure | None":
+        if not self._drawable():
+            return None
+        figure, axes = style.new_figure(*self._grid, share_x=self._grid.rows > 1)
+        self._draw(axes)
+        return figure
+
 
 _WIDEST = 100
 _MOST_LINES = 4

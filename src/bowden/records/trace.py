@@ -21,6 +21,7 @@ from bowden.core.files import whole_file
 from bowden.core.guesses import Answering, answering
 from bowden.core.units import DEGREES
 from bowden.drawing import shown
+from bowden.drawing.shown import Drawn, Grid
 from bowden.records import metrics
 from bowden.records.run_figures import Metrics
 from bowden.records.table import FIRST_LINE, KEY, read_table
@@ -29,9 +30,10 @@ if TYPE_CHECKING:
     import pandas as pd
     import polars as pl
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
+_DRAWN = {"time", "reference", "joint"}
+"""Columns without which a trace has no figures of merit, and no curves."""
 _ROWS = 10_000
 """That are made text of at a time."""
 
@@ -82,7 +84,7 @@ def _meant(trace: "Trace", name: str) -> str:
     _meant,
 )
 @dataclass(frozen=True, repr=False)
-class Trace(metaclass=Answering):
+class Trace(Drawn, metaclass=Answering):
     """The record of a run: signals sampled on one clock, with their units and the settings of the run.
 
     >>> t = np.linspace(0.0, 10.0, 1001)
@@ -99,6 +101,8 @@ class Trace(metaclass=Answering):
     The columns that every simulated run has are ``time``, ``reference``, ``reference_velocity``, ``joint`` (true),
     ``motor`` (true), ``joint_measured``, ``motor_measured``, ``command``, ``motor_velocity``, ``current``, ``width``
     and ``slope``; the law's own state follows as ``law.<name>``.
+
+    `plot` draws reference and joint over time and, on a second pair of axes, the error.
     """
 
     columns: dict[str, NDArray[np.float64]]
@@ -220,21 +224,9 @@ class Trace(metaclass=Answering):
             }
         return {name: self.array(name, units[name]) for name in self.columns}, units
 
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw reference and joint over time and, on a second pair of axes, the error.
-
-        Args:
-            axes: matplotlib's, one or two; a new figure is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes, or a trace without reference or joint.
-        """
-        found = shown.axes_for(axes, 2, 1, 7.0, 4.2)
-        self._draw(found)
-        return found
+    @property
+    def _grid(self) -> Grid:
+        return Grid(2, 1, 7.0, 4.2)
 
     def _draw(self, axes: "Sequence[Axes]") -> None:
         from bowden.drawing import motion_plot
@@ -245,20 +237,8 @@ class Trace(metaclass=Answering):
             motion_plot.draw_error(below, *signals)
         axes[-1].set_xlabel("time [s]")
 
-    def __repr__(self) -> str:
-        """One screen: what ran, its figures of merit, and the columns by their units."""
-        return shown.screen(self._title(), self._rows())
-
-    def _repr_html_(self) -> str:
-        figure = self._figure() if {"time", "reference", "joint"} <= set(self.columns) else None
-        return shown.fragment(self._title(), self._rows(), figure)
-
-    def _figure(self) -> "Figure":
-        from bowden.drawing.style import new_figure
-
-        figure, axes = new_figure(2, 1, height=4.2, share_x=True)
-        self._draw(axes)
-        return figure
+    def _drawable(self) -> bool:
+        return set(self.columns) >= _DRAWN
 
     def _title(self) -> str:
         law = self.settings.get("law")
@@ -278,7 +258,7 @@ class Trace(metaclass=Answering):
 
     def _merit(self) -> list[tuple[str, str]]:
         """The figures of merit in a line or two; what is missing where there are none."""
-        if not {"time", "reference", "joint"} <= set(self.columns) or len(self) < 2:
+        if not self._drawable() or len(self) < 2:
             return []
         finite = np.isfinite(self["joint"])
         if not finite.all():
@@ -486,12 +466,11 @@ def _frames(name: str) -> Any:
 
 _COLUMNS = ("RMSE", "after 10 s", "peak", "delay", "hysteresis width")
 
-_DRAWN = {"time", "reference", "joint"}
-"""Columns without which a trace has no figures of merit, and no curves."""
 
-
-class Traces(dict[str, Trace]):
+class Traces(Drawn, dict[str, Trace]):
     """A dictionary, name → trace, that shows itself as a table of figures of merit and can be drawn.
+
+    `plot` draws all joints over time beside the first one's reference and, on second axes, their errors.
 
     >>> import numpy as np
     >>> t = np.linspace(0.0, 10.0, 1001)
@@ -506,21 +485,9 @@ class Traces(dict[str, Trace]):
     def __missing__(self, name: Any) -> Trace:
         raise UnknownNameError(f"there is no trace {name!r}", expected=near(str(name), self), do="name one of them")
 
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw all joints over time beside the first one's reference and, on second axes, their errors.
-
-        Args:
-            axes: matplotlib's, one or two; a new figure is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes, or a trace without reference or joint.
-        """
-        found = shown.axes_for(axes, 2, 1, 7.0, 4.2)
-        self._draw(found)
-        return found
+    @property
+    def _grid(self) -> Grid:
+        return Grid(2, 1, 7.0, 4.2)
 
     def _draw(self, axes: "Sequence[Axes]") -> None:
         from bowden.drawing.style import COLOURS, colours_for, legend, stay_near, thin
@@ -545,23 +512,19 @@ class Traces(dict[str, Trace]):
             below.set_ylabel("error [°]")
         axes[-1].set_xlabel("time [s]")
 
-    def __repr__(self) -> str:
-        """One screen: a line of figures of merit for each."""
+    def _drawable(self) -> bool:
+        return bool(self) and all(trace._drawable() for trace in self.values())
+
+    def _rows(self) -> list[tuple[str, str]]:
         rows = []
         for name, cells in self._table():
             named = zip(_COLUMNS, cells, strict=False)
             rows.append((name, shown.listed(f"{what} {text}" for what, text in named if text) or "–"))
-        return shown.screen(self._title(), rows)
+        return rows
 
     def _repr_html_(self) -> str:
-        from bowden.drawing.style import new_figure
-
-        figure = None
-        if self and all(set(trace.columns) >= _DRAWN for trace in self.values()):
-            figure, axes = new_figure(2, 1, height=4.2, share_x=True)
-            self._draw(axes)
         rows = [(name, *(text or "–" for text in cells)) for name, cells in self._table()]
-        return shown.table(self._title(), ["law", *_COLUMNS], rows, figure)
+        return shown.table(self._title(), ["law", *_COLUMNS], rows, self._figure())
 
     def _title(self) -> str:
         return f"{len(self)} trace{'s' if len(self) != 1 else ''}"

@@ -15,7 +15,7 @@ from bowden.core.clock import unix_seconds
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.extras import extra_module
 from bowden.core.units import DEGREES
-from bowden.drawing import shown
+from bowden.drawing.shown import Shown, listed
 from bowden.records.trace import Trace
 from bowden.study.figures import Summary, summarise
 from bowden.study.rows import SUIT_FIGURES, chunks
@@ -33,7 +33,7 @@ class Partway(KeyboardInterrupt):
 
 
 @dataclass(frozen=True, repr=False)
-class Campaign:
+class Campaign(Shown):
     """A study that was run."""
 
     study: Study
@@ -64,13 +64,6 @@ class Campaign:
         """
         return run_alone(self.study, number)
 
-    def __repr__(self) -> str:
-        """One screen: each law's errors over all plants."""
-        return shown.screen(self._title(), self._rows())
-
-    def _repr_html_(self) -> str:
-        return shown.fragment(self._title(), self._rows())
-
     def _title(self) -> str:
         return f"Campaign {self.study.path.stem}: {self.study.file.runs} plants, {len(self.study.laws)} laws"
 
@@ -82,7 +75,7 @@ class Campaign:
             if found:
                 shares = (("median", found.median), ("90 %", found.q90), ("99 %", found.q99), ("worst", found.most))
                 spread = "RMSE " + ", ".join(f"{name} {value:.3g}°" for name, value in shares)
-            rows.append((one.law, shown.listed((spread, f"{one.unstable} unstable"))))
+            rows.append((one.law, listed((spread, f"{one.unstable} unstable"))))
         return [*rows, ("rig", self.study.rig.hash), ("page", str(self.files[-1]))]
 
 
@@ -145,7 +138,7 @@ def computed(study: Study, folder: Path, *, workers: int | None, cluster: str | 
             raise  # nothing is there that could be spoken of
         raise Partway(_standing(store, len(cut))) from None
     except BowdenError as error:
-        do = shown.listed((error.do, _standing(store, len(cut))), "; ")
+        do = listed((error.do, _standing(store, len(cut))), "; ")
         raise type(error)(error.what, expected=error.expected, do=do) from None
     progress("summing up", 0.99)
     summary = _summed_up(study, store)

@@ -15,7 +15,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
 from bowden.core.guesses import answering
 from bowden.core.units import DEGREES
-from bowden.drawing import shown
+from bowden.drawing.shown import Drawn, Grid, number
 from bowden.identify.cable.drawing import draw_fit
 from bowden.identify.cable.fitted import Fitted
 from bowden.identify.cable.loop import loop_lines
@@ -53,8 +53,13 @@ _MOST_NOTES = 4
     lambda fit, name: f"fit.best.parameters[{name!r}]" if name in fit.__dict__["best"].parameters else "",
 )
 @dataclass(frozen=True, repr=False)
-class Fit(Fitted):
-    """What logs say about their cable."""
+class Fit(Fitted, Drawn):
+    """What logs say about their cable.
+
+    `plot` draws the loop: joint over motor, as recorded and as the recommended model draws it in the second half; on
+    second axes the same without the straight line. Of several logs it draws both branches at the least, the middle and
+    the largest load; of a known model, what it leaves.
+    """
 
     def at(self, **values: float) -> CableModel:
         """The model at a load, at a bend, or both.
@@ -81,49 +86,20 @@ class Fit(Fitted):
         """
         write_text(path_of_file(path, "Fit.write: path"), model_text(self))
 
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw the loop: joint over motor, as recorded and as the recommended model draws it in the second half.
-
-        Of several logs, both branches at the least, the middle and the largest load; of a known model, what it leaves.
-
-        Args:
-            axes: matplotlib's, one or two, of which the second shows the same without the straight line; a new figure
-                is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes.
-        """
-        found = shown.axes_for(axes, 1, self._panels, 7.0, 3.4)
-        draw_fit(found, self)
-        return found
-
     @property
-    def _panels(self) -> int:
-        return 1 if self.recalibration or len(self.logs) > 1 else 2
+    def _grid(self) -> Grid:
+        return Grid(1, 1 if self.recalibration or len(self.logs) > 1 else 2, 7.0, 3.4)
 
-    def __repr__(self) -> str:
-        """One screen: the recommended model, its error and its parameters, the other models, and what to know."""
-        return shown.screen(self.title, self._rows())
-
-    def _repr_html_(self) -> str:
-        from bowden.drawing.style import new_figure
-
-        figure, axes = new_figure(1, self._panels, height=3.4)
+    def _draw(self, axes: "Sequence[Axes]") -> None:
         draw_fit(axes, self)
-        return shown.fragment(self.title, self._rows(), figure)
 
-    @property
-    def title(self) -> str:
-        """The result in one line."""
+    def _title(self) -> str:
         if self.recalibration:
             return f"Recalibration of {self.best.name} on {self.name}"
         if len(self.logs) > 1:
             by = " and ".join(self.units)
             return f"Fit of {len(self.logs)} logs{f', scheduled by {by}' if by else ''}"
-        error = shown.number(self.chosen.test_rms * DEGREES, "°")
+        error = number(self.chosen.test_rms * DEGREES, "°")
         do = "do not use" if self.trust.level == "no" else "use"
         return f"Fit of {self.name}: {do} {self.best.name}, {error} RMS on the unseen half"
 
@@ -131,7 +107,7 @@ class Fit(Fitted):
         rows = []
         for one in self.logs:
             errors = (("second half", one.test_rms), ("left out", one.same_rms), ("load left out", one.unseen_rms))
-            said = [f"{what} {shown.number(v * DEGREES, '°')}" for what, v in errors if np.isfinite(v)]
+            said = [f"{what} {number(v * DEGREES, '°')}" for what, v in errors if np.isfinite(v)]
             at = [f"{name} {shown_value(name, value)}" for name, value in zip(self.units, one.values, strict=True)]
             alone = [f"{one.samples} samples", one.motion]
             text = [*at, *said, one.cycles.counted] if len(self.logs) > 1 else [*alone, str(self.cycles)]
@@ -147,13 +123,13 @@ class Fit(Fitted):
         loop, of = loop_lines(chosen.loop) if chosen.loop else [], "loop's "
         rows.append(("loop", ", ".join(f"{name.removeprefix(of)} {text}" for name, text in loop)))
         others = [
-            f"{name} {shown.number(model.test_rms * DEGREES, '°')}"
+            f"{name} {number(model.test_rms * DEGREES, '°')}"
             for name, model in self.models.items()
             if name != self.best.name and np.isfinite(model.test_rms)
         ]
         rows.append(("others", ", ".join(others)))
         if ahead := self.forecast:
-            left, without = (shown.number(v * DEGREES, "°") for v in (ahead.compensated, ahead.uncompensated))
+            left, without = (number(v * DEGREES, "°") for v in (ahead.compensated, ahead.uncompensated))
             rows.append(("forecast", f"{left} RMS with the model as feed-forward, {without} without"))
         return [*rows, *(("note", warning) for warning in self.warnings[:_MOST_NOTES])]
 
