@@ -20,7 +20,7 @@ from bowden.core.errors import BowdenError, ParameterError, UnknownNameError
 from bowden.core.signals import Reference, Sample
 from bowden.export import modules as exported
 from bowden.live.live_run import live_run
-from bowden.live.log_replay import law_of
+from bowden.live.log_rig import law_of
 from bowden.live.mcap_read import Recording
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.encoder import Encoder
