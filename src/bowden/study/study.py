@@ -21,7 +21,7 @@ from bowden.models.cable.sheath_path import BendPath
 from bowden.plants.bends import RandomBend
 from bowden.rig.rig import Rig
 from bowden.sim.injected import Injected, SensorFault
-from bowden.sim.many import Case
+from bowden.sim.run import Case
 from bowden.study.distributions import Distribution, Value, describe
 from bowden.study.keys import simulated, with_values
 from bowden.study.schema import KnownSection, StudyFile
