@@ -168,7 +168,7 @@ class Study:
         return self.rig.suit.worn
 
     def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:
-        """The runs of these numbers, for `bowden.sim.many` and `bowden.sim.many`."""
+        """The runs of these numbers, for `bowden.sim.many`."""
         for number, drawn in runs:
             rig, laws, fault = self.run(number, drawn)
             push = rig.pushing
