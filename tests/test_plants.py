@@ -32,8 +32,8 @@ from bowden.plants.transmission import measured_response, transmission
 from bowden.plants.user_plant import UserPlant
 from bowden.records.metrics import is_stable
 from bowden.rig.rig import Rig
-from bowden.sim.many import Case, simulate_many
-from bowden.sim.run import simulate
+from bowden.sim.many import simulate_many
+from bowden.sim.run import Case, simulate
 from support.sensors import PAPER_ENCODER
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "my_plant.py"
