@@ -132,18 +132,21 @@ def export(
     if target not in TARGETS:
         do = f"correct {argument('target')}"
         raise ParameterError(f"there is no target {target!r}", expected=near(target, TARGETS), do=do)
-    float32 = float32 or TARGETS[target]
+    hardware = TARGETS[target]
+    float32 = float32 or hardware.single
     encoders, doubt, rate = counts_of(whole), guessed(whole), emg_rate or 2000.0
     modules = _modules(whole, own, encoders, rate if emg or emg_rate else None)
     said = _said(name, own, preset, float32=float32, encoders=encoders) + (f" Beware: {doubt}." if doubt else "")
     if whole.worn is None and whole.plant is None:
         said += f" Its gains are judged for {whole.servo_text}."
-    texts = pages(whole, modules, encoders, said, rate, single=float32)
+    texts = pages(whole, modules, encoders, said, rate, hardware, single=float32)
     for module in modules:
         single = float32 and module.prefix != "safety"  # what it adds up over minutes needs more than a float
         texts |= files(module, said, single=single)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
     kept = [name for name in YOURS if (folder / name).exists()]
+    board = f"board = {hardware.board}"
+    other = "platformio.ini" in kept and board not in (folder / "platformio.ini").read_text(encoding="utf-8")
     texts = {name: text for name, text in texts.items() if name not in kept}
     with reported(progress, "export") as report:
         report(f"checking {own.name}", 0.3)
@@ -157,6 +160,9 @@ def export(
     notes = (
         doubt,
         f"{' and '.join(kept)} in {folder} stay as they are: they are yours" if kept else "",
+        f"platformio.ini names another board than one for {target} ({board}): see that it has this processor"
+        if other
+        else "",
         *(note for note in whole.notes if note != NO_SOURCE or not (emg or emg_rate)),
         *refused,
         verdict.note,
