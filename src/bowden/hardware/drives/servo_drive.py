@@ -29,7 +29,7 @@ from bowden.hardware.drives.checklist import (
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.findings import JOINT_SERVO, UNWATCHED
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, motor_limits, nearest
+from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, counts_at_home, motor_limits
 from bowden.hardware.drives.servo_table import BlockReader, ServoSample, error_of, joint_scale, motor_scale
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
@@ -245,7 +245,7 @@ class ServoDrive(Driver):
                 expected="a motor that stands still",
                 do="hold it, and check what pulls at it",
             )
-        scale = motor_scale(drive, self._home(last.position))
+        scale = motor_scale(drive, counts_at_home(drive, last.position, self.turn, motor_scale(drive)))
         limits = motor_limits(drive, scale)
         self._check_limits(servo, scale, limits)
         servo.bus.check_alone()
@@ -263,15 +263,6 @@ class ServoDrive(Driver):
         position = on_joint.prepare().position
         check_settings(on_joint.name, on_joint.get, drive.setup.joint)
         return float(position) if drive.home == "here" else 0.0
-
-    def _home(self, position: float) -> float:
-        """The motor's counts at home."""
-        drive, turn = self._drive, float(self._drive.table.turn)
-        if drive.home == "here":
-            return position
-        if drive.home == "hint":
-            return position - nearest(position, turn, motor_scale(drive).counts(drive.motor_hint))
-        return 0.0
 
     def _check_limits(self, servo: ServoDialogue, scale: Scale | SuitScale, limits: MotorLimits) -> None:
         """That the servo counts as far, that it finds its turn again after power-off, and that it gives the current."""
