@@ -498,7 +498,7 @@ def check_sent(name: str, identifier: int, data: bytes) -> None:
 def check_order(sent: list[tuple[float, int, bytes]], state: float, target: float, power: Power) -> None:
     """The controlword of a CiA 402 drive is whole, first, and no more than was wanted of a drive in that state."""
     assert [cob_id for _, cob_id, _ in sent][:2] == [canopen.RPDO1 + 1, canopen.SYNC]
-    control, _, _ = canopen.unpack_rpdo1(sent[0][2]) or (None, None, None)
+    control, _ = canopen.ORDER.unpack(sent[0][2], 2) or (None, None)
     assert control in set(Controlword)
     if control == Controlword.ENABLE_OPERATION:
         assert power is Power.ON

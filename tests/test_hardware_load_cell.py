@@ -271,10 +271,10 @@ def test_a_cell_at_the_drives_input_has_a_zero_a_range_and_faults() -> None:
                 node.faults.inject(parse(fault)._replace(start=bus.time))
             bus.drain()
             bus.send_frame(frames.SYNC, b"")
-            said = next(frames.unpack_tpdo2(bytes(one.data)) for one in bus.drain() if one.arbitration_id == 0x281)
+            said = next(frames.SENSORS.unpack(bytes(one.data), 2) for one in bus.drain() if one.arbitration_id == 0x281)
             assert said is not None
             scale = abs(given_.tension_scale or given_.torque_scale)
-            assert load_of(given_, said.analog) == pytest.approx(sign * true, abs=scale)
+            assert load_of(given_, said[1]) == pytest.approx(sign * true, abs=scale)
         bus.close()
 
 

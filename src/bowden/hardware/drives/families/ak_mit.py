@@ -214,6 +214,7 @@ FAMILY = on_can.family(
         "it is not, the motor keeps its last command when this computer dies, until its supply is cut"
     ),
     no_limb=lambda parameters: parameters.no_limb,
+    example={"motor": {"gear": 9.0, "torque_constant_nm_per_a": 0.091}, "drive": {"home": "hint"}},
     zero_hint="An AK drive takes the present place for its own zero by its set-origin frame, or with its maker's tool; "
     "bowden does not send it. Zero the rig anew after that. Which turn of its rotor it is in after a restart is told "
     'by home = "hint".',
