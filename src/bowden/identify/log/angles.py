@@ -148,21 +148,15 @@ def angles_of(
             nobody says how many make a turn.
     """
     for (side, (name, found)), unit in zip(columns.items(), given.unit, strict=True):
-        length = (unit or found) in ("mm", "cm")
-        if length and not (side == "motor" and given.spool):
-            raise LogError(
-                f"the {side}'s column {name!r} is in {unit or found}",
-                expected=f"an angle: {', '.join(UNITS)}",
-                do="give the radius of its spool: --spool-radius-mm 20 (spool_radius_mm= in Python)"
-                if side == "motor"
-                else "convert it, or name another column",
-            )
-        if found not in (None, *UNITS, "mm", "cm") and unit is None:
-            raise LogError(
-                f"the {side}'s column {name!r} is in {found}",
-                expected=f"an angle: {', '.join(UNITS)}",
-                do="name another column, or give --unit where the name is wrong",
-            )
+        if (unit or found) in ("mm", "cm") and not (side == "motor" and given.spool):
+            radius = "give the radius of its spool: --spool-radius-mm 20 (spool_radius_mm= in Python)"
+            do = radius if side == "motor" else "convert it, or name another column"
+        elif found not in (None, *UNITS, "mm", "cm") and unit is None:
+            do = "name another column, or give --unit where the name is wrong"
+        else:
+            continue
+        what = f"the {side}'s column {name!r} is in {unit or found}"
+        raise LogError(what, expected=f"an angle: {', '.join(UNITS)}", do=do)
     if given.spool:  # what the motor winds up is an angle from here on
         name, found = columns["motor"]
         per_mm = 10.0 if (given.unit[0] or found) == "cm" else 1.0
