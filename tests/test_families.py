@@ -11,7 +11,7 @@ import pytest
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
-from bowden.export.parts import emg_modules
+from bowden.export.modules import emg_modules
 from bowden.hardware.buses.link import Links
 from bowden.hardware.emg.listener import Listener
 from bowden.hardware.ports import Drive, EmgChunk, Power
@@ -63,6 +63,7 @@ TOY = DriveFamily(
     completed=toy_completed,
     open=toy_open,
     twin=toy_twin,
+    node=lambda: SimulatedDrive,
     moved=lambda given, channel, interface: given._replace(string=channel or given.string),
     address=lambda given: {"string": given.string},
     control=lambda given: Path(f"toy-{given.string}"),

@@ -62,6 +62,8 @@ def test_a_play_has_no_slope_right_after_a_reversal() -> None:
     assert found.slope == pytest.approx(0.9)
     assert found.reversal == pytest.approx(0.0, abs=1e-9)
     assert found.dead_zone == pytest.approx(2.0 * 0.9 * 0.05, rel=1e-3)
+    like = transmission(Bench(cable=cables.bouc_wen_like(cables.play(Play(0.9, 0.05, 0.0)))), np.pi, STROKE)
+    assert (like.slope, like.dead_zone) == pytest.approx((0.9, 2.0 * 0.9 * 0.05))
 
 
 def test_a_response_is_that_about_the_middle_of_the_stroke() -> None:

@@ -43,7 +43,9 @@ class JointSensor(NamedTuple):
         Literal["encoder", "imu", "stretch", "motor"],
         Quantity("encoder: by [drive]; motor: the cable's model alone"),
     ] = "encoder"
-    stream: Annotated[str | None, Quantity("udp:PORT, udp:ADDRESS:PORT or lsl:NAME", example="udp:5005")] = None
+    stream: Annotated[
+        str | None, Quantity("udp:PORT, udp:ADDRESS:PORT, serial:DEVICE@BAUD or lsl:NAME", example="udp:5005")
+    ] = None
     gives: Annotated[
         Literal["angle", "quaternion", "inertial"],
         Quantity("imu: °; w, x, y, z; or rates [°/s] and accelerations [g]"),
