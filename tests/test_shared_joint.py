@@ -75,7 +75,7 @@ def test_a_shared_joint_is_read_packed_written_and_part_of_the_hash(tmp_path: Pa
     for old, new in (("4.0", "5.0"), ("elbow", "knee")):
         assert rig.hash != rig_of(tmp_path, ELBOW.replace(old, new)).hash
     assert rig.replace(duration=3.0).joints == rig.joints
-    assert "joints" not in Rig().document()
+    assert not Rig().document()["fields"]["joints"]
     assert [one.shared for one in Rig().each_joint] == [False]
 
 
