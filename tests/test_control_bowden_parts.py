@@ -141,6 +141,63 @@ def test_a_narrower_width_is_believed_at_once_and_a_wider_one_by_a_share(
     assert after.other_way == pytest.approx(min(0.6, other + grown))
 
 
+@given(cables, inputs)
+def test_a_reference_turns_where_it_will_be_behind_its_furthest_and_does_not_go_on(
+    cable: DeadzoneState, now: DeadzoneInput
+) -> None:
+    """Seen ahead by the delay and 2.2/(3ω); behind by more than 1 mrad and four standard deviations."""
+    found, ahead = deadzone.reference_turn(cable, now), 2e-3 + 2.2 / (3.0 * 50.0)
+    here = now.position + ahead * now.velocity + 0.5 * ahead**2 * now.acceleration
+    far, side = 1e-3 + 4.0 * now.noise, math.copysign(1.0, cable.phase) if cable.phase else 0.0
+    if not side:
+        assert found.turns == (abs(here - cable.furthest) > far)
+        assert found.side == (math.copysign(1.0, here - cable.furthest) if found.turns else 0.0)
+    else:
+        behind, onward = side * (cable.furthest - here), side * (now.velocity + ahead * now.acceleration)
+        assert found.turns == (behind > far and onward <= 0.0)
+        assert found.side == (-side if found.turns else side)
+    furthest = here if found.turns or side * (here - cable.furthest) > 0.0 else cable.furthest
+    assert found.furthest == pytest.approx(furthest)
+    assert not deadzone.reference_turn(cable._replace(furthest=deadzone.UNSEEN), now).turns
+
+
+@given(inputs, st.sampled_from((1.0, -1.0)), st.floats(0.0, 0.6), small, small)
+def test_a_joint_ahead_that_the_reference_will_reach_first_is_held(
+    now: DeadzoneInput, side: float, back: float, before: float, requested: float
+) -> None:
+    """(e/a₀)² < 2·w·|φ̇|/a₀·T_a: I goes back no faster than the reference comes."""
+    found = deadzone.held(now, side, back, before, requested, DT)
+    ahead, coming = side * (now.joint - now.position) * 1.1, max(0.0, side * now.velocity * 1.1)
+    holds = ahead > 0.0 and ahead**2 < 2.0 * back * coming * now.answer
+    slowest = max(side * (requested - before), -coming * DT) if holds else side * (requested - before)
+    assert side * (found - before) == pytest.approx(slowest, abs=1e-12)
+
+
+@given(cables, inputs, number, small)
+def test_a_joint_answers_for_as_much_of_the_contact_s_way_as_it_went(
+    cable: DeadzoneState, now: DeadzoneInput, contact: float, change: float
+) -> None:
+    """By more than a touch, with the slope as given; another slope moves what was answered as it does the contact."""
+    found, went = deadzone.joint_answer(cable, now, contact, change), abs(now.joint - cable.answer_joint)
+    answered = cable.answer_contact - change * cable.answer_joint
+    if went <= 0.0017 + 6.0 * now.noise:
+        assert found == (cable.answer_joint, answered)
+        return
+    assert found.joint == now.joint
+    assert abs(found.contact - answered) == pytest.approx(min(1.1 * went, abs(contact - answered)))
+    assert abs(contact - found.contact) <= abs(contact - answered)
+
+
+@given(number, number, number)
+def test_a_correction_is_held_back_within_reach_of_the_answer_and_never_drawn_along(
+    requested: float, before: float, answered: float
+) -> None:
+    found = deadzone.within_reach(3.0 * requested, 3.0 * before, answered)
+    assert abs(found - answered) <= max(1.2, abs(3.0 * before - answered)) + 1e-12
+    assert min(3.0 * before, 3.0 * requested) <= found <= max(3.0 * before, 3.0 * requested)
+    assert found == 3.0 * requested or abs(found - answered) >= 1.2 - 1e-12
+
+
 Swing = tuple[float, int]
 """Size of a half-wave [rad] and its cycles."""
 
