@@ -22,7 +22,7 @@ FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -O2 -ffp-contract=off"
 ARM = "arm-none-eabi-gcc -mthumb -mfloat-abi=hard"
 
 
-class Target(NamedTuple):
+class Hardware(NamedTuple):
     """A kind of hardware."""
 
     single: bool
@@ -35,10 +35,10 @@ class Target(NamedTuple):
 
 
 TARGETS = {
-    "cortex-m4f": Target(True, f"{ARM} -mcpu=cortex-m4 -mfpu=fpv4-sp-d16", "ststm32", "nucleo_f446re"),
-    "cortex-m33": Target(True, f"{ARM} -mcpu=cortex-m33 -mfpu=fpv5-sp-d16", "ststm32", "nucleo_l552ze_q"),
-    "cortex-m7": Target(False, f"{ARM} -mcpu=cortex-m7 -mfpu=fpv5-d16", "teensy", "teensy41"),
-    "esp32": Target(True, "xtensa-esp32-elf-gcc -mlongcalls", "espressif32", "esp32dev"),
+    "cortex-m4f": Hardware(True, f"{ARM} -mcpu=cortex-m4 -mfpu=fpv4-sp-d16", "ststm32", "nucleo_f446re"),
+    "cortex-m33": Hardware(True, f"{ARM} -mcpu=cortex-m33 -mfpu=fpv5-sp-d16", "ststm32", "nucleo_l552ze_q"),
+    "cortex-m7": Hardware(False, f"{ARM} -mcpu=cortex-m7 -mfpu=fpv5-d16", "teensy", "teensy41"),
+    "esp32": Hardware(True, "xtensa-esp32-elf-gcc -mlongcalls", "espressif32", "esp32dev"),
 }
 TARGETS["host"] = TARGETS["cortex-m7"]
 FILES = ("loop.h", "loop.c", "board.cpp", "arduino.cpp", "platformio.ini", "replay.c", "Makefile", "README.md")
@@ -61,7 +61,7 @@ def pages(
     encoders: Counts | SpoolMap,
     said: str,
     rate: float,
-    target: Target,
+    target: Hardware,
     *,
     single: bool,
 ) -> dict[str, str]:

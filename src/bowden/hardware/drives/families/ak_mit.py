@@ -108,7 +108,7 @@ class AkParameters(NamedTuple):
             raise ParameterError(
                 f"the rig's gear is {needs.gear:g}, and an {self.model} has {model.gear:g}",
                 expected="the drive's own, with the spool on its output shaft",
-                do="correct gear in [motor], on a suit in [suit], or drive.model",
+                do="correct gear in [motor] and, on a suit, set second_gear = 1 in [suit]; or correct drive.model",
             )
         speed = needs.speed_limit * motor_scale(self).steepest(needs.lowest_motor, needs.highest_motor)
         if speed > (1.0 - FINEST) * model.velocity:
