@@ -172,7 +172,7 @@ def tare(rig: Rig, readings: Sequence[DriveReading], load: float) -> Tare:
             expected=f"at most {STILL * most:.3g}",
             do="let the cable hang slack, keep still, and look for interference",
         )
-    if cell.there:
+    if cell.enabled:
         return Tare("load_cell", {"zero": cell.zero + (read - load) / cell.scale}, read, span, unit)
     family = family_of(rig.drive)
     assert family.tared is not None  # one that measures a load
