@@ -12,10 +12,10 @@ from bowden.core.errors import BowdenError
 from bowden.hardware.emg.recorded import EmgMotion, columns
 from bowden.hardware.ports import EmgChunk
 from bowden.live.figures import DelaySpread
-from bowden.live.led_summary import emg_figures
 from bowden.live.live_run import Live, live_run
 from bowden.live.preflight import Preflight, require
 from bowden.live.screen import _emg, wearer
+from bowden.live.summary import emg_figures
 from bowden.rig.rig import Rig
 from bowden.sensing.course import CourseSettings
 from bowden.sensing.stream import EnvelopeFilter
@@ -226,8 +226,8 @@ def test_a_source_that_cannot_be_used_is_told_before_anything_is_started(
     def never(*given: object, **named: object) -> None:
         raise AssertionError("something was started")
 
-    for name in ("Session", "own_twin"):
-        monkeypatch.setattr(f"bowden.live.session.{name}", never)
+    for name in ("session.Session", "twin_process.own_twin"):
+        monkeypatch.setattr(f"bowden.live.{name}", never)
     (tmp_path / "empty.csv").write_text("time_s,emg_mV\n")
     source = source.replace("file:", f"file:{tmp_path}/")
     code = run(["run", str(rig(tmp_path)), "--twin", "--auto", "--emg", source, "--out", str(tmp_path / "out")])

@@ -21,13 +21,14 @@ from bowden.design.objections import reference_beyond, refuse_sources, require_j
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader
 from bowden.hardware.ports import BrakedDrive, Drive
-from bowden.live import excitation, motor_columns, row
+from bowden.live import excitation, row
 from bowden.live.admittance_live import live_pushing
 from bowden.live.brake_hold import BrakeHold
 from bowden.live.joint_estimate import LiveEstimate
 from bowden.live.preflight import Preflight, on_suit
 from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Home, Script
+from bowden.live.together import columns_of_all
 from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.plants.pushing import Pushing
 from bowden.rig.emg_run import EmgRun
@@ -37,8 +38,8 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release, release_speed
-from bowden.sim.joint_of_rig import cabled_joint_of, joint_ranges
 from bowden.sim.parting import parting_of
+from bowden.sim.rig_runs import cabled_joint_of, joint_ranges
 
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
@@ -88,9 +89,14 @@ class Live:
         return self.several or (self,)
 
     @property
+    def said(self) -> str:
+        """The motor in a message; empty where there is one."""
+        return f"motor {quoted(self.name)}" if self.name else ""
+
+    @property
     def names(self) -> tuple[str, ...]:
-        """Of the motors; empty where there is one."""
-        return tuple(motor.name for motor in self.several)
+        """Of the motors; one without a name where there is one."""
+        return tuple(motor.name for motor in self.motors)
 
     @property
     def independent(self) -> bool:
@@ -138,9 +144,8 @@ class Live:
 
     def columns(self) -> dict[str, str]:
         """Column → unit of the run's rows."""
-        if not self.several:
-            return self._columns(together=False)
-        return motor_columns.of_all({motor.name: motor._columns(together=True) for motor in self.several})
+        together = bool(self.several)
+        return columns_of_all({motor.name: motor._columns(together=together) for motor in self.motors})
 
     def _columns(self, *, together: bool) -> dict[str, str]:
         emg, pushed = self.emg is not None, self.push() is not None
@@ -200,7 +205,8 @@ class Live:
         Raises:
             StreamError: the sensor's stream cannot be opened.
         """
-        return LiveEstimate(self.rig) if self.rig.joint_sensor.estimated else None
+        first = self.joint is None or self.joint.names[0] == self.name  # the other motors of a joint borrow it
+        return LiveEstimate(self.rig) if first and self.rig.joint_sensor.estimated else None
 
     def _push_settings(self) -> Mapping[str, Any]:
         spool = plain(self.needs.spool)
@@ -275,16 +281,15 @@ class Live:
             "reference": self.rig.trajectory.describe(),
             "seed": self.rig.seed,
             "rig": self.logged.document(),
-            **({"law_file": _where(law)} if isinstance(law, LawFile) and not self.measure else {}),
+            **(
+                {"law_file": law.path + law.name.rpartition(".py")[2]}
+                if isinstance(law, LawFile) and not self.measure
+                else {}
+            ),
             **({"emg": self.emg.settings()} if self.emg else {}),
             **({"push": self._push_settings()} if self.needs.torque_offset > 0.0 else {}),
             **({} if self.pushing is None else {"admittance": plain(self.source().settings)}),
         }
-
-
-def _where(law: LawFile) -> str:
-    """A user's law as ``FILE.py:NAME`` with the file's whole path."""
-    return law.path + law.name.rpartition(".py")[2]
 
 
 def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, joint_elsewhere: bool = False) -> Live:
@@ -360,7 +365,7 @@ def _together(rig: Rig, logged: Rig) -> Live:
     for one, kept in zip(rig.motors, logged.motors, strict=True):
         with error_context(f"motor {quoted(one.name)}"):
             found.append(_one_of(one.name, one.rig, joints[one.name], kept.rig))
-    notes = tuple(f"motor {quoted(motor.name)}: {note}" for motor in found for note in motor.notes)
+    notes = tuple(f"{motor.said}: {note}" for motor in found for note in motor.notes)
     said = tuple(_said_of(joint) for joint in rig.each_joint if joint.shared)
     return replace(found[0], several=tuple(found), whole=rig, logged=logged, notes=(*rig.remarks, *said, *notes))
 

@@ -22,8 +22,7 @@ from bowden.live.control_block import ControlBlock
 from bowden.live.ended import Ended, EndedMotor
 from bowden.live.gain_ramp import GainRamp, step_all
 from bowden.live.joint_estimate import LiveEstimate
-from bowden.live.ring import RingWriter
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import RecorderState, RingWriter
 from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.live.together import AxisCoordinator
@@ -175,8 +174,8 @@ class _Motor:
 
     @property
     def together(self) -> tuple[float, ...]:
-        """What a motor among others has besides, `motor_columns.TOGETHER`, and one that shares its joint,
-        `motor_columns.SHARED`."""
+        """What a motor among others has besides, `together.TOGETHER`, and one that shares its joint,
+        `together.SHARED`."""
         among = (self.others, self.script.outcome) if self._among else ()
         return (*among, self.neighbour) if self._shared else among
 

@@ -1,6 +1,5 @@
 """`check`: does a law hold on a rig, before anything moves?"""
 
-import contextlib
 import math
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -154,11 +153,6 @@ class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
     whole: "Rig"
 
     @property
-    def value(self) -> "Check | dict[str, Check]":
-        """The check; of several joints the name of each → its check."""
-        return self.checks if len(self.checks) > 1 else next(iter(self.checks.values()))
-
-    @property
     def exit_code(self) -> int:
         """1 where it does not hold, or a run refuses it."""
         return 0 if self.holds and not self.refusals else 1
@@ -202,7 +196,7 @@ def check(
     from bowden.core.errors import error_context
     from bowden.design.forecast import foreseen
     from bowden.design.objections import as_notes, objections, refuse_sources
-    from bowden.design.verdict import checked
+    from bowden.design.other_law import checked
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
 
@@ -214,7 +208,7 @@ def check(
     with reported(progress, "check") as report:
         for name, joint in joints.items():
             report(f"checking {name} {joint.first.law_name}".replace("  ", " "), len(checks) / len(joints))
-            with error_context(joint.said) if joint.said else contextlib.nullcontext():
+            with error_context(joint.said):
                 checks[name] = replace(checked(joint), cable_trust=whole.cable_trust)
                 asked = checks[name].holds and not (joint.shared or found_wrong)
                 ends = "" if not asked else foreseen(joint.first, joint.first.fitted())
@@ -227,6 +221,7 @@ def check(
         **(figures[worst] | {"rig": whole.hash}),
         joints=several,
         refusals=tuple(found_wrong),
+        made=checks if several else checks[worst],
         checks=checks,
         whole=whole,
         notes=(*given.notes_of(whole), *said),
