@@ -76,7 +76,7 @@ class DriveLook:
         ages = {name: period * getattr(self.last, AGES[name]) for name in self.oldest}
         return {name: age for name, age in ages.items() if age > SILENT}
 
-    def said(self, explain: Callable[[int], str]) -> list[str]:
+    def explained(self, explain: Callable[[int], str]) -> list[str]:
         """Emergencies that the drive sent, in words."""
         return ["emergency stop" if code == EMERGENCY_STOP else explain(int(code)) for code in self.emergencies]
 
