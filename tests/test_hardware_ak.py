@@ -14,7 +14,6 @@ from bowden.core.signals import DriveReading
 from bowden.design.power import require_power, unseen_watch
 from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.buses.unix_bus import UnixBus
-from bowden.hardware.drives import ak_drive
 from bowden.hardware.drives.ak_frames import (
     ENTER,
     EXIT,
@@ -49,11 +48,6 @@ ON_RIG = '[motor]\ngear = 9.0\ntorque_constant_nm_per_a = 0.091\n[drive]\nfamily
 
 def found(readings: list[DriveReading]) -> set[float]:
     return {reading.emergency for reading in readings if reading.emergency}
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ak_drive, "LISTENING", 0.02)
 
 
 V3 = asking(DRIVE._replace(board="v3"), sample_time=2e-3)

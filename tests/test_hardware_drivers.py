@@ -14,7 +14,6 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.hardware.buses.packets import STATUS, Instruction
 from bowden.hardware.buses.place import EXTENDED, REMOTE
-from bowden.hardware.drives import ak_drive, canopen_drive, moteus_drive, odrive_drive, servo_drive
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives import moteus_frames as moteus
 from bowden.hardware.drives import odrive_frames as odrive
@@ -123,12 +122,6 @@ ANSWERING = pytest.mark.parametrize("name", ["ak_mit", "moteus", "odrive"])
 
 def loop_of(name: str, overrides: Any = None, **changed: Any) -> DriverLoop:
     return DriverLoop(asking(CASES[name].drive, **changed), overrides)
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (ak_drive, canopen_drive, moteus_drive, odrive_drive, servo_drive):
-        monkeypatch.setattr(module, "LISTENING", 0.02)
 
 
 @pytest.mark.parametrize(

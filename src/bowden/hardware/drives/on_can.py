@@ -136,7 +136,8 @@ def check_turn(drive: Any, scale: Any, turn: float, forgets: str, expected: str,
             )
 
 
-ELSEWHERE = 'set home = "hint" with motor_hint_deg in [drive], or home = "here"; or '
+TELL_TURN = 'set home = "hint" with motor_hint_deg in [drive], or home = "here"; or '
+"""What to do where a drive forgets a turn."""
 
 _BOUNDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
 

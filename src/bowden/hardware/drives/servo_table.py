@@ -246,7 +246,7 @@ def rules(drive: Any) -> Iterator[on_can.Rule]:
         )
     if drive.home == "counts" or not drive.table.multi_turn:
         expected = "less than a turn" + (' with home = "counts"' if drive.table.multi_turn else "")
-        do = (on_can.ELSEWHERE if drive.table.multi_turn else "") + "make the range in [limits] smaller"
+        do = (on_can.TELL_TURN if drive.table.multi_turn else "") + "make the range in [limits] smaller"
         scale, turn = motor_scale(drive), float(drive.table.turn)
         on_can.check_turn(drive, scale, turn, "the servo, which forgets", expected, do)
 

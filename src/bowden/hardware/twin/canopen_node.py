@@ -14,7 +14,6 @@ from bowden.hardware.twin.node import HOTTEST, TwinNode
 from bowden.hardware.twin.objects import Key, Objects, SdoAnswers, dictionary, overridden
 from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, torque_on_joint
 
-RPM = 30.0 / math.pi  # turns a minute in one rad/s
 LIMIT_ERROR, LAG_ERROR, OVER_TEMPERATURE = 0x8A82, 0x8611, 0x4210
 """Codes of the faults that the twin finds itself."""
 ALL_RELEASED = 0xFFFF_FFFF
@@ -22,15 +21,11 @@ ALL_RELEASED = 0xFFFF_FFFF
 STANDSTILL = 1e-6
 """Speed at which a quick stop is over [rad/s]."""
 
-WINDOW = 2.0
-"""Following error that the drive allows as it comes; one that was chosen for a rig allows what that asks for [rad]."""
-
-
 RATED_CURRENT = 4.0
 """Of the twin's motor; a stated choice [A]."""
 
 
-class Sampled(NamedTuple):
+class PdoSample(NamedTuple):
     """What both transmit PDOs tell, but for the statusword."""
 
     motor: int
@@ -75,18 +70,8 @@ class CanopenNode(TwinNode):
         self._lagging_since = math.nan
         self._inputs = ALL_RELEASED
         self._next_heartbeat = -math.inf
-        bench, gear = self.bench, self._drive.needs.gear
-        speed, lag = bench.speed_limit * gear * RPM, max(WINDOW, self._drive.needs.following_error)
-        objects = dictionary(
-            self._drive.node_id,
-            rated_torque=RATED_CURRENT * self._drive.needs.torque_constant,
-            speed=math.ceil(speed) if speed < 50e3 else 50e3,
-            current=bench.current_limit,
-            window=math.ceil(lag * self._scale.steepest(-math.inf, math.inf) / abs(self._scale.step)),
-            braking=min(bench.physics.braking * gear * RPM, 2**31),
-            pushed=bench.torque_offset is not None,
-            braked=self._drive.brake_output != "none",
-        )
+        rated = RATED_CURRENT * self._drive.needs.torque_constant
+        objects = dictionary(self._drive, self.bench, self._scale, rated)
         entries = overridden(objects, self._overrides)
         current = {key: value for key, value in self._current_values().items() if key not in self._overrides}
         self.objects = Objects(entries, self._written, current)
@@ -305,16 +290,16 @@ class CanopenNode(TwinNode):
     def _statusword(self) -> int:
         return encode(self.state) | (0x1000 if self.state is DriveState.OPERATION_ENABLED else 0)
 
-    def _sample(self, now: float) -> Sampled:
+    def _sample(self, now: float) -> PdoSample:
         """What is measured at a SYNC, through the encoders' noise, with the faults that are there at `now` [s]."""
         return self._packed(*self._encoders(self._joint, now), self._current(now), now)
 
-    def _true(self) -> Sampled:
+    def _true(self) -> PdoSample:
         """The same without noise and faults."""
         bench = self.bench
         return self._packed(self._scale.counts(bench.motor), self._joint.counts(bench.joint), bench.current, -math.inf)
 
-    def _packed(self, motor: float, joint: float, current: float, now: float) -> Sampled:
+    def _packed(self, motor: float, joint: float, current: float, now: float) -> PdoSample:
         drive, bench = self._drive, self.bench
         scale, millivolts = drive.tension_scale or drive.torque_scale, 0.0
         if scale:
@@ -323,7 +308,7 @@ class CanopenNode(TwinNode):
             millivolts = max(-drive.analog_range, min(drive.analog_range, load / scale + drive.tension_zero))
         torque = _int(1e3 * drive.motor_direction * current / RATED_CURRENT, 15)
         angles = _int(motor, 31), torque, _int(joint, 31)
-        return Sampled(*angles, _int(millivolts, 15), _int(10.0 * bench.temperature, 15))
+        return PdoSample(*angles, _int(millivolts, 15), _int(10.0 * bench.temperature, 15))
 
 
 def _int(value: float, bits: int) -> int:

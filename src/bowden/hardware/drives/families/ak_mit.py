@@ -125,7 +125,7 @@ class AkParameters(NamedTuple):
                 do="reduce current_limit_a in [motor], or correct torque_constant_nm_per_a there",
             )
         if self.home == "counts" and self.interface != "bowden_unix":
-            turn, do = 2.0 * math.pi / model.gear, f"{on_can.ELSEWHERE}make the range in [limits] smaller"
+            turn, do = 2.0 * math.pi / model.gear, f"{on_can.TELL_TURN}make the range in [limits] smaller"
             expected = 'less than a turn with home = "counts"'
             on_can.check_turn(self, motor_scale(self), turn, "the rotor; the drive forgets", expected, do)
         if self.home == "hint" and needs.spool is None:
