@@ -27,8 +27,8 @@ def files(module: Module, preamble: str, *, single: bool = False) -> dict[str, s
         functions.append(_public(unit, one))
     types = [[text for name, text in unit.types.items() if (name in header) is public] for public in (True, False)]
     defined = "\n".join(
-        f"#define {identifier(f'{module.prefix}_{name}').upper()} {unit.number(value)}{comment(said)}"
-        for name, (value, said) in module.numbers.items()
+        f"#define {identifier(f'{module.prefix}_{name}').upper()} {unit.number(value)}{comment(meaning)}"
+        for name, (value, meaning) in module.numbers.items()
     )
     words = {
         "head": f"/* {module.title}\n *\n * {preamble}\n */",
@@ -65,7 +65,7 @@ def _public(unit: Unit, one: Public) -> dict[str, str]:
     for argument, kind in one.kinds.items():
         text, mark, value = identifier(argument), "" if is_number(kind) else "*", one.given.get(argument)
         if isinstance(value, Constant):
-            text = f"{mark and '&'}{unit.constant('', argument, value.value, value.said)}"
+            text = f"{mark and '&'}{unit.constant('', argument, value.value, value.meaning)}"
         elif argument != "state":
             read.append(f"const {unit.type(kind)} {mark}{text}")
         given.append(text)

@@ -28,8 +28,8 @@ from bowden.export.kinds import (
     is_enum,
     is_number,
     joined,
+    kind_name,
     kind_of,
-    said,
     snake_case,
 )
 from bowden.export.source import KernelSource, operators
@@ -242,7 +242,7 @@ class Function:
             raise self.refused(target, "which is several values", "give each value a name: a, b = f(x)")
         kind = self.kinds.setdefault(name, value.kind)
         if kind != value.kind and not (kind is float and value.kind is int):
-            given = f"which is first {said(kind)} and then {said(value.kind)}"
+            given = f"which is first {kind_name(kind)} and then {kind_name(value.kind)}"
             raise self.refused(target, given, "give the second one another name")
         if name in self.parameters and not is_number(kind):
             raise self.refused(target, "an argument that is set anew", "give it another name")
@@ -272,7 +272,7 @@ class Function:
         made = {"": self.result} if getattr(self.result, "made", self) else dict(self.result.fields)
         wanted = [*made.values()]
         if [joined(*pair) for pair in itertools.zip_longest((part.kind for part in parts), wanted)] != wanted:
-            expected = " and ".join(map(said, wanted))
+            expected = " and ".join(map(kind_name, wanted))
             raise self.refused(one, "which is another kind of result", "return the kinds that are annotated", expected)
         return self._literal(self.result, dict(zip(made, parts, strict=True))) if several else parts[0].text
 
@@ -324,7 +324,7 @@ class Function:
             case ast.IfExp(test=test, body=body, orelse=orelse):
                 asked, left, right = self._number(test, truth=True), self._expression(body), self._expression(orelse)
                 if (kind := joined(left.kind, right.kind)) is None:
-                    both = f"{said(left.kind)} and {said(right.kind)}"
+                    both = f"{kind_name(left.kind)} and {kind_name(right.kind)}"
                     raise self.refused(node, both, "let both sides be of one kind")
                 return Expression(f"{asked.within(OR)} ? {left.within(OR)} : {right.within(CHOICE)}", kind, CHOICE)
             case ast.Tuple(elts=elements):
@@ -342,7 +342,7 @@ class Function:
         found = self._expression(node)
         if not is_number(found.kind) or (truth and found.kind is not bool):
             do, wanted = ("compare numbers: x != 0.0", "bool") if truth else ("compute with numbers", "float")
-            raise self.refused(node, f"which is {said(found.kind)}", do, wanted)
+            raise self.refused(node, f"which is {kind_name(found.kind)}", do, wanted)
         return found
 
     def _attribute(self, node: ast.Attribute) -> Expression:
@@ -467,8 +467,8 @@ class Function:
             if isinstance(kind, Struct) and set(kind.fields) <= set(getattr(one.kind, "fields", ())):
                 kind = one.kind  # Python asks for fields, and not for a class
             if joined(one.kind, kind) != kind:
-                given = f"whose {name} is {said(one.kind)}"
-                raise self.refused(node, given, "give it the kind that is annotated", said(kind))
+                given = f"whose {name} is {kind_name(one.kind)}"
+                raise self.refused(node, given, "give it the kind that is annotated", kind_name(kind))
             found[name] = replace(one, kind=kind)
         return found
 

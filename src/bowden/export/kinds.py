@@ -56,7 +56,7 @@ def is_enum(kind: Kind) -> bool:
     return isinstance(kind, type) and issubclass(kind, IntEnum)
 
 
-def said(kind: Kind) -> str:
+def kind_name(kind: Kind) -> str:
     """A kind in a message."""
     return str(kind.__name__ if is_number(kind) else getattr(kind, "name", "of no kind"))
 
@@ -80,8 +80,8 @@ def kind_of(value: Any = None, hint: Any = None) -> Kind:
     for kind, types in (made, IntEnum), (bool, bool | np.bool_), (int, int | np.integer), (float, float | np.floating):
         if issubclass(made, types):
             return kind
-    said = [kind_of(hint=one) for one in typing.get_args(hint)] if typing.get_origin(hint) is tuple else []
-    for kinds in said, [kind_of(one) for one in value] if isinstance(value, tuple) else []:
+    hinted = [kind_of(hint=one) for one in typing.get_args(hint)] if typing.get_origin(hint) is tuple else []
+    for kinds in hinted, [kind_of(one) for one in value] if isinstance(value, tuple) else []:
         if len(set(kinds)) == 1 and kinds[0] is not None:
             return Row(kinds[0], len(kinds))
     return None

@@ -117,10 +117,10 @@ def _conversions(encoders: counts.Counts | SpoolMap) -> list[Public]:
             Public("spool_angle", spool_of, ("return",), "The other way round [rad].", given),
         ]
     given = {"counts": Constant(encoders, "how the rig's encoders count")}
-    said = "from counts of an encoder that counts as in its log"
+    counted = "from counts of an encoder that counts as in its log"
     return [
-        Public("motor_angle", counts.motor_angle, ("return",), f"The motor's angle [rad] {said}.", given),
-        Public("joint_angle", counts.joint_angle, ("return",), f"The joint's angle [rad] {said}.", given),
+        Public("motor_angle", counts.motor_angle, ("return",), f"The motor's angle [rad] {counted}.", given),
+        Public("joint_angle", counts.joint_angle, ("return",), f"The joint's angle [rad] {counted}.", given),
         Public("motor_counts", counts.motor_counts, ("return",), "A target [rad] in counts.", given),
     ]
 

@@ -59,7 +59,7 @@ def pages(
     rig: Rig,
     modules: Sequence[Module],
     encoders: Counts | SpoolMap,
-    said: str,
+    preamble: str,
     rate: float,
     target: Hardware,
     *,
@@ -71,7 +71,7 @@ def pages(
         rig: with the reference, and the wearer's EMG.
         modules: the law's; then those of the supervisor and of EMG.
         encoders: the rig's, or the suit's spool.
-        said: what the code was made from.
+        preamble: what the code was made from.
         rate: samples of EMG a second [Hz].
         target: on which it is to run.
         single: the law is in float, and its commands are not expected to be the recorded ones to the bit.
@@ -82,7 +82,7 @@ def pages(
     course = course_of(rig.emg)
     words = {
         "title": modules[0].title,
-        "said": said,
+        "preamble": preamble,
         "name": modules[0].prefix,
         "modules": modules,
         "counts": encoders if isinstance(encoders, Counts) else None,

@@ -56,8 +56,8 @@ class KernelSource:
         node = ast.parse(text).body[0]
         if not isinstance(node, ast.FunctionDef):
             raise self.refused(node, "", INSTEAD[ast.Lambda])
-        self.said = ast.get_docstring(node)
-        self.body = node.body[self.said is not None :]
+        self.text = ast.get_docstring(node)
+        self.body = node.body[self.text is not None :]
         """The statements without the docstring."""
         self._lines = text.splitlines()
         self._above: dict[int, list[str]] = {}
@@ -70,7 +70,7 @@ class KernelSource:
 
     def docstring(self) -> list[str]:
         """Its module and its docstring without the examples, as a comment."""
-        first, *more = (self.said or "").partition("\n>>>")[0].strip().split("\n")
+        first, *more = (self.text or "").partition("\n>>>")[0].strip().split("\n")
         short = f"{self.module}: {first}".rstrip(": ")
         return comments([short, *more] if len(short) < 112 else [f"{self.module}:", first, *more])
 

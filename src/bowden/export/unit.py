@@ -37,7 +37,7 @@ class Constant:
     """A value that is written into the code in place of an argument."""
 
     value: Any
-    said: str = ""
+    meaning: str = ""
     """What it is."""
 
 
@@ -113,8 +113,8 @@ class Unit:
             of = "" if kind.of is float else f"{self.type(kind.of).removeprefix(f'{self.prefix}_').removesuffix('_t')}_"
             name, rows = f"{of}row{kind.length}", [f"    {self.type(kind.of)} at[{kind.length}];"]
         elif isinstance(kind, Struct):
-            said = meanings(kind.made) if kind.made else {}
-            name, rows = kind.name, [self._field(*one, said.get(one[0], "")) for one in kind.fields]
+            texts = meanings(kind.made) if kind.made else {}
+            name, rows = kind.name, [self._field(*one, texts.get(one[0], "")) for one in kind.fields]
         else:
             name = kind.__name__
         several = isinstance(kind, Struct) and not kind.made
@@ -168,26 +168,26 @@ class Unit:
         text = self.value(value, kind)
         return text if is_number(kind) else f"({self.type(kind)}){text}"
 
-    def constant(self, file: str, name: str, value: Any, said: str = "") -> str:
+    def constant(self, file: str, name: str, value: Any, meaning: str = "") -> str:
         """The name of a constant of a module; of no file, one that a public function hands on."""
         if file:
-            file, said = origin(file, name)
+            file, meaning = origin(file, name)
         if (file, name) not in self._origins:
             called = identifier(name)
             if called in self.constants and file:
                 called = f"{Path(file).stem}_{called}".upper()
             self._origins[file, name] = called = unused(called, self.constants)
-            self.constants[called] = self._constant(called, value, kind_of(value), said)
+            self.constants[called] = self._constant(called, value, kind_of(value), meaning)
         return self._origins[file, name]
 
-    def _constant(self, called: str, value: Any, kind: Kind, said: str) -> str:
-        head, above = f"static const {self.type(kind)} {called} =", comments(textwrap.wrap(said, 108))
+    def _constant(self, called: str, value: Any, kind: Kind, meaning: str) -> str:
+        head, above = f"static const {self.type(kind)} {called} =", comments(textwrap.wrap(meaning, 108))
         if isinstance(kind, Struct) and len(kind.fields) <= 24:
-            meant = (comment(meanings(kind.made).get(name, "")) for name, _ in kind.fields)
-            rows = [f"    {text},{behind}" for text, behind in zip(self._fields(value, kind), meant, strict=True)]
+            texts = (comment(meanings(kind.made).get(name, "")) for name, _ in kind.fields)
+            rows = [f"    {text},{behind}" for text, behind in zip(self._fields(value, kind), texts, strict=True)]
             return "\n".join([*above, f"{head} {{", *rows, "};"])
         line = f"{head} {self.value(value, kind)};"
-        return f"{line}{comment(said)}" if len(line) + len(said) < LONGEST else "\n".join([*above, line])
+        return f"{line}{comment(meaning)}" if len(line) + len(meaning) < LONGEST else "\n".join([*above, line])
 
     def extreme(self, name: str, kind: Kind) -> str:
         """Python's `min` or `max` by its rule for NaN."""

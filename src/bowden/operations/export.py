@@ -137,15 +137,15 @@ def export(
     modules = _modules(whole, own, encoders, rate if emg or emg_rate else None)
     precision: Literal["double", "float"] = "float" if float32 else "double"
     gains = f" with the preset {preset}" if preset else ""
-    said = f"{_MARK} {bowden.__version__}: the law {own.name}{gains} for {name}, in {precision}."
-    said += f" {encoders.notes()}" if isinstance(encoders, Counts) else ""
-    said += f" Beware: {doubt}." if doubt else ""
+    preamble = f"{_MARK} {bowden.__version__}: the law {own.name}{gains} for {name}, in {precision}."
+    preamble += f" {encoders.notes()}" if isinstance(encoders, Counts) else ""
+    preamble += f" Beware: {doubt}." if doubt else ""
     if whole.worn is None and whole.plant is None:
-        said += f" Its gains are judged for {whole.servo_text}."
-    texts = pages(whole, modules, encoders, said, rate, hardware, single=float32)
+        preamble += f" Its gains are judged for {whole.servo_text}."
+    texts = pages(whole, modules, encoders, preamble, rate, hardware, single=float32)
     for module in modules:
         single = float32 and module.prefix != "safety"  # what it adds up over minutes needs more than a float
-        texts |= files(module, said, single=single)
+        texts |= files(module, preamble, single=single)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
     kept = [name for name in YOURS if (folder / name).exists()]
     board = f"board = {hardware.board}"

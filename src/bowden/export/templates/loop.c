@@ -1,6 +1,6 @@
 /* One cycle of the loop: counts, angles, reference, law, supervisor, drive; as bowden.cycle.one_cycle has it.
  *
- * [[said]]
+ * [[preamble]]
  */
 
 #include <math.h>

@@ -1,6 +1,6 @@
 /* The loop: from encoder counts to the drive's command. Call it from a timer; what it calls in turn is board.cpp.
  *
- * [[said]]
+ * [[preamble]]
  */
 
 #ifndef LOOP_H
