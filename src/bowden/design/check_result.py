@@ -10,7 +10,7 @@ from bowden.core.guesses import answering
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.limit_cycle import LimitCycle
 from bowden.design.trial import Trial
-from bowden.drawing.shown import Drawn, Grid, listed, number
+from bowden.drawing.shown import Grid, Plotted, listed, number
 from bowden.drawing.style import COLOURS, CYCLE, legend
 from bowden.plants.trust import Trust
 
@@ -85,7 +85,7 @@ class SharedFindings(NamedTuple):
     "change the rig, and check it again",
 )
 @dataclass(frozen=True, repr=False)
-class Check(Drawn):
+class Check(Plotted):
     """What was found; `plot` draws phase margin over gain margin of every linear loop, little of either shaded."""
 
     law: str

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from bowden.core import arguments
 from bowden.core.caller import argument
 from bowden.core.errors import LogError, ParameterError
-from bowden.drawing.shown import Drawn, Grid, listed
+from bowden.drawing.shown import Grid, Plotted, listed
 from bowden.identify.emg.detector_score import DetectorScore
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
 from bowden.identify.emg.log import EmgLog, channel_unit, checked_emg, read_emg, read_labels
@@ -31,7 +31,7 @@ _MOST_SPANS = 5
 
 
 @dataclass(frozen=True, repr=False)
-class Contractions(Drawn):
+class Contractions(Plotted):
     """The contractions that were found in one channel of a recording.
 
     `plot` draws the signal, its envelope, and what was found over time, on three axes.

@@ -9,7 +9,7 @@ from bowden.control.law import Law
 from bowden.core.errors import ParameterError
 from bowden.core.units import DEGREES
 from bowden.design.check_result import Check, milliseconds, no_margins
-from bowden.drawing.shown import Drawn, Grid, listed, number
+from bowden.drawing.shown import Grid, Plotted, listed, number
 from bowden.drawing.style import COLOURS, CYCLE
 from bowden.plants.trust import Trust
 from bowden.rig import rig as rigs
@@ -23,7 +23,7 @@ REACH = 8.0
 
 
 @dataclass(frozen=True, repr=False)
-class Tuning(Drawn):
+class Tuning(Plotted):
     """The gains that were found, and the evidence.
 
     `plot` draws by how much each gain changed and, on second axes, the largest error before and after.

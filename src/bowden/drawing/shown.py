@@ -51,7 +51,7 @@ class Shown:
         return fragment(self._title(), self._rows(), self._figure())
 
 
-class Drawn(Shown):
+class Plotted(Shown):
     """A result that can be drawn, and has its picture in a notebook."""
 
     @property

@@ -248,13 +248,8 @@ def require_watch(rig: Rig, beside: Iterable[Rig] = ()) -> None:
     if not unseen or family.simulated(rig.drive):
         return
     there = (rig, *beside)
-    limbs = (
-        ("a suit", any(one.worn is not None for one in there)),
-        ("EMG", any(one.emg_run is not None for one in there)),
-        ("admittance", any(one.pushing is not None for one in there)),
-    )
-    for what, means in limbs:
-        if means:
+    for what, of_rig in (("a suit", "worn"), ("EMG", "emg_run"), ("admittance", "pushing")):
+        if any(getattr(one, of_rig) is not None for one in there):
             raise SafetyError(
                 f"{what} means a limb, and {family.unseen_watch(rig.drive)}",
                 expected="a drive whose watch over its host is tried or read back at every start",

@@ -21,7 +21,7 @@ from bowden.core.files import whole_file
 from bowden.core.guesses import Answering, answering
 from bowden.core.units import DEGREES
 from bowden.drawing import shown
-from bowden.drawing.shown import Drawn, Grid
+from bowden.drawing.shown import Grid, Plotted
 from bowden.records import metrics
 from bowden.records.run_figures import Metrics
 from bowden.records.table import FIRST_LINE, KEY, read_table
@@ -84,7 +84,7 @@ def _meant(trace: "Trace", name: str) -> str:
     _meant,
 )
 @dataclass(frozen=True, repr=False)
-class Trace(Drawn, metaclass=Answering):
+class Trace(Plotted, metaclass=Answering):
     """The record of a run: signals sampled on one clock, with their units and the settings of the run.
 
     >>> t = np.linspace(0.0, 10.0, 1001)
@@ -467,7 +467,7 @@ def _frames(name: str) -> Any:
 _COLUMNS = ("RMSE", "after 10 s", "peak", "delay", "hysteresis width")
 
 
-class Traces(Drawn, dict[str, Trace]):
+class Traces(Plotted, dict[str, Trace]):
     """A dictionary, name → trace, that shows itself as a table of figures of merit and can be drawn.
 
     `plot` draws all joints over time beside the first one's reference and, on second axes, their errors.

@@ -15,7 +15,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
 from bowden.core.guesses import answering
 from bowden.core.units import DEGREES
-from bowden.drawing.shown import Drawn, Grid, number
+from bowden.drawing.shown import Grid, Plotted, number
 from bowden.identify.cable.drawing import draw_fit
 from bowden.identify.cable.fitted import Fitted
 from bowden.identify.cable.loop import loop_lines
@@ -53,7 +53,7 @@ _MOST_NOTES = 4
     lambda fit, name: f"fit.best.parameters[{name!r}]" if name in fit.__dict__["best"].parameters else "",
 )
 @dataclass(frozen=True, repr=False)
-class Fit(Fitted, Drawn):
+class Fit(Fitted, Plotted):
     """What logs say about their cable.
 
     `plot` draws the loop: joint over motor, as recorded and as the recommended model draws it in the second half; on
