@@ -21,7 +21,7 @@ from typing import Annotated, NamedTuple
 from bowden.control.law_parts import Filtered, invert_servo
 from bowden.control.our_law.deadzone import FURTHEST, WIDEST, DeadzoneState, no_news, update_deadzone
 from bowden.control.our_law.gains import BowdenGains
-from bowden.control.our_law.oscillation import SLOWEST, OscillationMonitor, time_of_load, update_oscillation_monitor
+from bowden.control.our_law.oscillation import LOAD_DAMPING, SLOWEST, OscillationMonitor, time_of_load, update_monitor
 from bowden.core.kernel import kernel, sqrt
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
@@ -35,13 +35,9 @@ FILTER_DAMPING, THIRD_POLE = 0.85, 2.0
 a wrong slope; with a slower third pole there is as much noise for more delay [–]."""
 STOPPED, LEAST_SPEED = 0.05, 1.0
 """v is the way within which servo and delay can stop, over T_s, and a speed beside it [rad, rad/s]."""
-SLOW_PART = 0.15
-"""Time constant of what of a disturbance is not fast [s]."""
 UNKNOWN_LAG = 0.35
 """Lag of the joint that the observer expects beside the one that is known, over 1/ω, until it has found a load that
 swings: most joints follow a little late. Too much of it costs a slower answer, too little a loop that rings [–]."""
-LOAD_DAMPING = 0.25
-"""Damping of a load that swings, as the observer has it: arms have 0.1 to 0.5 [–]."""
 EXPECTED = 0.01
 """Deviation of the motor that says nothing: counts, friction, a step of the plan [rad]."""
 SERVO_DOUBT = 0.5
@@ -220,11 +216,11 @@ def step(
     lacked = shortfall_at_joint(cable, shortfall)
     at_joint, at_joint_rate = propagate_correction(gains, before, lacked, load, fastest, dt)
     disturbance = (joint - position) * inverse - at_joint if plausible else -before.requested
-    slow = before.slow_disturbance + (disturbance - before.slow_disturbance) * (dt / (SLOW_PART + dt))
+    slow = before.slow_disturbance + (disturbance - before.slow_disturbance) * (dt / (0.5 * SLOWEST + dt))
 
     # I, as fast as the watch allows; less news where the reference rests
     quick, kappa = filter_rate(gains, dt), observer_rate(gains)
-    watch = update_oscillation_monitor(state.oscillation, disturbance - slow, 2.0 * small * inverse, kappa, dt)
+    watch = update_monitor(state.oscillation, disturbance - slow, 2.0 * small * inverse, kappa, dt)
     kappa = watch.bandwidth_share * kappa
     least = small * inverse if speed * SLOWEST < small else noise
     wanted, innovation = request(before, disturbance, kappa, quick, least, fastest, dt)

@@ -22,16 +22,13 @@ ALIKE = 1.6
 """Ratio up to which two times, or two sizes, are of one swing. A load alone has 0.37 of its size after four half-waves
 at a damping of 0.08; a tremor that goes on has 0.65 to 0.8 in a trial, since the part of it that is followed meanwhile
 goes through a load that is none [–]."""
-GROWN = 1.3
-"""Size over the half-wave's before from which a swing grows [–]."""
 ENOUGH = 4.0
 """Half-waves that are counted before a trial begins; it lasts twice as many [–]."""
 WATCHED = 3.0
 """Half-waves that are looked at at a trial's end [–]."""
-SLOWER = 1.15
-"""T of a load over the time of a swing's radian: a load that is assumed too slow costs little [–]."""
-SLOWED = 0.3
-"""Largest κ in a trial over the swing's angular frequency [–]."""
+LOAD_DAMPING = 0.25
+"""Damping of a load that swings, as the observer has it: arms have 0.1 to 0.5. In a trial κ is at most this times the
+swing's angular frequency, half of what such a load bears [–]."""
 FORGOTTEN = 30.0
 """Time constant of the size of a wearer's swing [s]."""
 
@@ -52,7 +49,7 @@ class OscillationMonitor(NamedTuple):
 @kernel
 def time_of_load(now: OscillationMonitor) -> float:
     """T of the load that the observer is to have: in a trial the one that is tried [s]."""
-    return now.last_half_wave_time / math.pi * SLOWER if now.half_waves < 0.0 else now.load_time
+    return now.last_half_wave_time / math.pi if now.half_waves < 0.0 else now.load_time
 
 
 @kernel
@@ -63,7 +60,7 @@ def go_on_trying(
     tried, load, wearers = before.last_half_wave_time, before.load_time, before.wearer_amplitude
     left = -before.half_waves - dt / tried
     last = max(abs(fast), before.last_peak) if left <= WATCHED else before.last_peak
-    load_tried = tried / math.pi * SLOWER
+    load_tried = tried / math.pi
     known_load = load_tried < ALIKE * load and load < ALIKE * load_tried
     persists = ALIKE * last > wearers
     if persists and not known_load:
@@ -74,7 +71,7 @@ def go_on_trying(
 
 
 @kernel
-def update_oscillation_monitor(
+def update_monitor(
     before: OscillationMonitor, fast: float, least: float, kappa: float, dt: float
 ) -> OscillationMonitor:
     """One cycle, with d̂'s `fast` part; below `least` nothing swings [rad]; `kappa` is κ, whole [1/s]."""
@@ -89,7 +86,7 @@ def update_oscillation_monitor(
     lasted, last, last_peak = before.half_wave_time, before.last_half_wave_time, before.last_peak
     in_time = lasted < SLOWEST and lasted < ALIKE * last
     suspect = in_time and size > ALIKE * before.wearer_amplitude
-    grows = suspect and last_peak > least and size > GROWN * last_peak
+    grows = suspect and last_peak > least and size * size > ALIKE * last_peak * last_peak
     counted = before.half_waves + (2.0 if grows else 1.0)
     early = grows and not turned and counted >= ENOUGH
     if turned:
@@ -101,6 +98,6 @@ def update_oscillation_monitor(
     wearers = before.wearer_amplitude * (1.0 - dt / FORGOTTEN)
     if counted >= ENOUGH:  # a trial begins
         last = max(2.0 * dt, last)
-        share = min(before.bandwidth_share, SLOWED * math.pi / (last * kappa))
+        share = min(before.bandwidth_share, LOAD_DAMPING * math.pi / (last * kappa))
         return OscillationMonitor(peak, 0.0, time, last, -2.0 * ENOUGH, share, before.load_time, max(size, wearers))
     return OscillationMonitor(peak, last_peak, time, last, counted, share, before.load_time, wearers)
