@@ -12,7 +12,7 @@ from bowden.control import LAWS
 from bowden.control.knowledge import informed
 from bowden.control.our_law.deadzone import WIDEST
 from bowden.control.our_law.law import UNKNOWN_LAG
-from bowden.control.our_law.oscillation import ALIKE, ENOUGH, WATCHED, update_monitor
+from bowden.control.our_law.oscillation import ALIKE, ENOUGH, WATCHED, watch
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import flat, names, unflatten_like
@@ -363,7 +363,7 @@ def test_a_known_load_that_swings_again_is_not_taken_for_the_wearers() -> None:
 @kernel
 def trembled(now: Any, kappa: float, found: Any) -> None:
     for k in range(len(found)):
-        now = update_monitor(now, 0.02 * math.sin(2.0 * math.pi * 5.0 * k * 1e-3), 3e-3, kappa, 1e-3)
+        now = watch(now, 0.02 * math.sin(2.0 * math.pi * 5.0 * k * 1e-3), 3e-3, kappa, 1e-3)
         found[k, 0], found[k, 1] = now.bandwidth_share, now.load_time
 
 

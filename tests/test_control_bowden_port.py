@@ -24,11 +24,18 @@ def ported() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("gains", "arm", "tremor"),
-    [({}, 50.0, 0.02), ({}, 3.0, 0.0), ({"lag": 0.05, "width": 0.1, "servo_integral": 2.0, "slope": 0.8}, 3.0, 0.02)],
+    ("gains", "arm", "tremor", "friction"),
+    [
+        ({}, 50.0, 0.02, 0.0),
+        ({}, 3.0, 0.0, 0.3),
+        ({"lag": 0.05, "width": 0.1, "servo_integral": 2.0, "slope": 0.8}, 3.0, 0.02, 0.1),
+    ],
 )
-def test_the_port_on_the_page_is_the_law(gains: dict[str, float], arm: float, tremor: float) -> None:
-    """10 000 cycles behind a dead zone, on an arm that swings at `arm` [Hz] with a tremor from 6 s on [rad]."""
+def test_the_port_on_the_page_is_the_law(gains: dict[str, float], arm: float, tremor: float, friction: float) -> None:
+    """10 000 cycles behind a dead zone, on an arm that swings at `arm` [Hz] with a tremor from 6 s on [rad].
+
+    The motor sticks until its command is further away than `friction` [rad].
+    """
     law, port, random = LAWS["bowden"].with_gains(**gains), ported(), np.random.default_rng(2026)
     told = law.gains
     known = {"omega": told.servo_frequency, "zeta": told.servo_damping, "k": told.servo_integral, "tau": told.delay}
@@ -37,7 +44,8 @@ def test_the_port_on_the_page_is_the_law(gains: dict[str, float], arm: float, tr
     motor = speed = tendon = joint = rate = command = 0.0
     seen = set()
     for time in np.arange(0.0, 10.0, 1e-3).tolist():
-        speed += 1e-3 * (53.6**2 * (command - motor) - 2.0 * 53.6 * speed)
+        pull = push(motor, command, friction) - motor
+        speed += 1e-3 * (53.6**2 * pull - 2.0 * 53.6 * speed)
         motor += 1e-3 * speed
         tendon = push(tendon, motor, 0.05)
         swings = 2.0 * math.pi * arm
@@ -52,6 +60,7 @@ def test_the_port_on_the_page_is_the_law(gains: dict[str, float], arm: float, tr
         assert port["step"](g, record, sample.joint, sample.motor, *reference, 1e-3) == pytest.approx(command, abs=1e-9)
         seen |= {("crossing", bool(state.deadzone.crossing)), ("trial", state.oscillation.half_waves < 0.0)}
     assert len(seen) == 4
+    assert (state.drive.stick > 0.1) == (friction > 0.1)
 
 
 def test_the_port_is_short() -> None:

@@ -76,10 +76,8 @@ def reference_turn(gains: BowdenGains, before: DeadzoneState, reference: Referen
     there = reference.position + ahead * (reference.velocity + 0.5 * ahead * reference.acceleration)
     furthest = reference.position if before.furthest >= FURTHEST else before.furthest
     off = there - furthest
-    if side == 0.0:
-        if abs(off) > no_news(gains):
-            return math.copysign(1.0, off), there
-        return side, furthest
+    if side == 0.0 and abs(off) > no_news(gains):
+        return math.copysign(1.0, off), there
     if side * off < -no_news(gains) and not side * (reference.velocity + ahead * reference.acceleration) > 0.0:
         return -side, there
     return side, furthest + side * max(0.0, side * off)
@@ -96,20 +94,7 @@ def learn_slope(gains: BowdenGains, before: DeadzoneState, joint: float, contact
 @kernel
 def learn_width(known: float, gone: float, late: float) -> float:
     """w at a touch, after o has `gone` this way, of which the motor went `late` as the joint moved [rad]."""
-    excess = gone - known - late
-    return max(0.0, min(WIDEST, gone if gone < known else known + BELIEVED * max(0.0, excess)))
-
-
-@kernel
-def hold(last: float, wanted: float, side: float, ahead: float, coming: float, stop: float, dt: float) -> float:
-    """I no faster back than the reference comes, where it is at the joint before the motor has gone back [rad].
-
-    Where `ahead`, e, goes back at e/T_a in w, e² < 2·w·T_a times the speed at which the reference is `coming`; `stop`
-    is w·T_a. All at the motor [rad, rad/s, rad·s].
-    """
-    if ahead > 0.0 and ahead * ahead < 2.0 * stop * coming:
-        return last + side * max(-coming * dt, side * (wanted - last))
-    return wanted
+    return max(0.0, min(WIDEST, gone, known + BELIEVED * max(0.0, gone - known - late)))
 
 
 @kernel
@@ -166,11 +151,12 @@ def update_deadzone(
         other_way = min(WIDEST, other_way + max(0.0, learned - this_way) / (late * late))
         this_way, place = learned, contact
 
-    # I held, and no further than a cable reaches: held back and never drawn along, which would be a loop of its own
-    requested = wanted
-    if not crossing:
-        ahead, coming = side * (joint - reference.position) * given, max(0.0, side * reference.velocity) * given
-        requested = hold(last, wanted, side, ahead, coming, other_way * answer, dt)
+    # I goes back no faster than the reference comes, where that is at the joint before the motor has gone back: e goes
+    # back at e/T_a in w; and no further than a cable reaches: held back, never drawn along, which would be a loop
+    requested, ahead = wanted, side * (joint - reference.position) * given
+    coming = max(0.0, side * reference.velocity) * given
+    if not crossing and ahead > 0.0 and ahead * ahead < 2.0 * other_way * answer * coming:
+        requested = last + side * max(-coming * dt, side * (wanted - last))
     moved, seen = abs(joint - before.answer_joint), before.answer_joint
     answered = before.answer_contact - change * seen
     if moved > touch:

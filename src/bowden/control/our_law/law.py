@@ -21,7 +21,7 @@ from typing import Annotated, NamedTuple
 from bowden.control.law_parts import Filtered, invert_servo
 from bowden.control.our_law.deadzone import FURTHEST, WIDEST, DeadzoneState, no_news, update_deadzone
 from bowden.control.our_law.gains import BowdenGains
-from bowden.control.our_law.oscillation import LOAD_DAMPING, SLOWEST, OscillationMonitor, time_of_load, update_monitor
+from bowden.control.our_law.oscillation import LOAD_DAMPING, SLOWEST, OscillationMonitor, time_of_load, watch
 from bowden.core.kernel import kernel, sqrt
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
@@ -59,12 +59,20 @@ class Observer(NamedTuple):
 
 
 class ExpectedMotor(NamedTuple):
-    """The motor as the servo should move it, a delay ahead, and what it has lacked."""
+    """The motor as the servo should move it, a delay ahead, what it has lacked, and what it takes to turn it."""
 
     position: Annotated[float, Quantity("p, the motor a delay later", "rad")]
     velocity: Annotated[float, Quantity("its rate", "rad/s")]
     shortfall: Annotated[float, Quantity("u, by which the motor falls short", "rad")]
     fed_forward: Annotated[float, Quantity("f, what a lasting shortfall adds to the command", "rad")]
+    added: Annotated[float, Quantity("f − r·u, what is added to the command", "rad")]
+    pending: Annotated[float, Quantity("part of a jump of f that is still to come", "rad")]
+    side: Annotated[float, Quantity("sign of the reference's way", "1")]
+    sticks: Annotated[bool, Quantity("the motor has not moved since the reference turned")]
+    place: Annotated[float, Quantity("the motor furthest on the old side since then", "rad")]
+    lacked: Annotated[float, Quantity("what was added to the command then", "rad")]
+    stick: Annotated[float, Quantity("b, what more it took to move the motor upward the last time", "rad")]
+    stick_back: Annotated[float, Quantity("the same downward", "rad")]
 
 
 class BowdenState(NamedTuple):
@@ -103,12 +111,6 @@ def filter_rate(gains: BowdenGains, dt: float) -> float:
 
 
 @kernel
-def share_of_shortfall(gains: BowdenGains) -> float:
-    """r: what of the shortfall the drive does not make up for by itself [–]."""
-    return max(0.0, 1.0 - servo_time(gains) / SERVO_DOUBT * gains.servo_integral)
-
-
-@kernel
 def tracking_shortfall(gains: BowdenGains, drive: ExpectedMotor, motor: float, most: float) -> float:
     """u, motor tracking shortfall (stiction or saturation); a reading that jumps is hardly counted: `most` [rad]."""
     off = motor - drive.position + gains.delay * drive.velocity
@@ -118,17 +120,35 @@ def tracking_shortfall(gains: BowdenGains, drive: ExpectedMotor, motor: float, m
 
 
 @kernel
-def predict_motor(
-    gains: BowdenGains, before: ExpectedMotor, command: float, shortfall: float, most: float, dt: float
+def update_drive(
+    gains: BowdenGains, before: ExpectedMotor, command: float, shortfall: float, motor: float, side: float, dt: float
 ) -> ExpectedMotor:
-    """One cycle of the servo as known, moved by the plan's `command`, and of f, which is at most `most` [rad]."""
-    omega = gains.servo_frequency
+    """One cycle of the servo as known, moved by the plan's `command`, and of f.
+
+    Friction that the drive does not make up for by itself changes its sign where the reference turns to this `side`: f
+    jumps by b, and back where the reference turns again before the motor has moved.
+    """
+    omega, late, most, jump = gains.servo_frequency, servo_time(gains), 3.0 * WIDEST, 0.0
+    sticks, place, lacked, added = before.sticks, before.place, before.lacked, before.added
+    this_way = before.stick_back if side < 0.0 else before.stick
+    if side * before.side < 0.0:
+        jump = lacked - added - before.pending if sticks else side * this_way
+        sticks, place, lacked = not sticks, motor, added
+    elif sticks:
+        place = side * min(side * place, side * motor)
+        if side * (motor - place) > EXPECTED:
+            sticks, jump, this_way = False, -before.pending, max(0.0, min(most, side * (added - lacked)))
+    up, down = before.stick if side < 0.0 else this_way, this_way if side < 0.0 else before.stick_back
+
+    pending = (before.pending + jump) * late / (late + dt)
+    lacks = shortfall * max(0.0, 1.0 - late / SERVO_DOUBT * gains.servo_integral)  # r·u, not made up for by the drive
+    forward = max(-most, min(most, before.fed_forward + dt / late * (pending - SERVO_DOUBT * lacks)))
+    added = max(-most, min(most, forward - lacks))
     stiff = omega * omega * dt
     slower = 1.0 + dt * (2.0 * gains.servo_damping * omega + stiff)
     velocity = (before.velocity + stiff * (command - before.position)) / slower
-    asked = dt * SERVO_DOUBT / servo_time(gains) * share_of_shortfall(gains) * shortfall
-    fed_forward = max(-most, min(most, before.fed_forward - asked))
-    return ExpectedMotor(before.position + dt * velocity, velocity, shortfall, fed_forward)
+    position = before.position + dt * velocity
+    return ExpectedMotor(position, velocity, shortfall, forward, added, pending, side, sticks, place, lacked, up, down)
 
 
 @kernel
@@ -181,9 +201,10 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     joint, inverse, width = sample.joint, 1.0 / abs(gains.slope), gains.width
     o = motor - joint * inverse
     observer = Observer(o, 0.0, o, 0.0, o, 0.0, -o)
-    watch = OscillationMonitor(0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0)
+    monitor = OscillationMonitor(0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0)
     cable = DeadzoneState(0.0, False, FURTHEST, 0.0, 0.0, 0.0, width, width, o, joint, inverse, joint, o)
-    return BowdenState(observer, watch, cable, ExpectedMotor(motor, 0.0, 0.0, 0.0))
+    drive = ExpectedMotor(motor, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, motor, 0.0, 0.0, 0.0)
+    return BowdenState(observer, monitor, cable, drive)
 
 
 @kernel
@@ -210,9 +231,7 @@ def step(
 
     # the correction at the joint, and d̂: what of the error it does not explain
     fastest, load = LEAST_SPEED + STOPPED / servo_time(gains) + speed * inverse, time_of_load(state.oscillation)
-    shortfall = state.drive.shortfall
-    if valid:
-        shortfall = tracking_shortfall(gains, state.drive, motor, dt * fastest)
+    shortfall = tracking_shortfall(gains, state.drive, motor, dt * fastest) if valid else state.drive.shortfall
     lacked = shortfall_at_joint(cable, shortfall)
     at_joint, at_joint_rate = propagate_correction(gains, before, lacked, load, fastest, dt)
     disturbance = (joint - position) * inverse - at_joint if plausible else -before.requested
@@ -220,8 +239,8 @@ def step(
 
     # I, as fast as the watch allows; less news where the reference rests
     quick, kappa = filter_rate(gains, dt), observer_rate(gains)
-    watch = update_monitor(state.oscillation, disturbance - slow, 2.0 * small * inverse, kappa, dt)
-    kappa = watch.bandwidth_share * kappa
+    monitor = watch(state.oscillation, disturbance - slow, 2.0 * small * inverse, kappa, dt)
+    kappa = monitor.bandwidth_share * kappa
     least = small * inverse if speed * SLOWEST < small else noise
     wanted, innovation = request(before, disturbance, kappa, quick, least, fastest, dt)
 
@@ -246,7 +265,6 @@ def step(
     )
     command = invert_servo(plan, gains.servo_frequency, gains.servo_damping)
     sane = command if abs(command) <= FURTHEST else state.drive.position
-    drive = predict_motor(gains, state.drive, sane, shortfall, 3.0 * WIDEST, dt)
-    lacks = drive.fed_forward - share_of_shortfall(gains) * shortfall
-    forward = max(-3.0 * WIDEST, min(3.0 * WIDEST, lacks))
-    return BowdenState(observer, watch, cable, drive), way * (command + forward)
+    seen = motor if valid else state.drive.place
+    drive = update_drive(gains, state.drive, sane, shortfall, seen, cable.side, dt)
+    return BowdenState(observer, monitor, cable, drive), way * (command + drive.added)

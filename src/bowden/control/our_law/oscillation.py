@@ -71,9 +71,7 @@ def go_on_trying(
 
 
 @kernel
-def update_monitor(
-    before: OscillationMonitor, fast: float, least: float, kappa: float, dt: float
-) -> OscillationMonitor:
+def watch(before: OscillationMonitor, fast: float, least: float, kappa: float, dt: float) -> OscillationMonitor:
     """One cycle, with d̂'s `fast` part; below `least` nothing swings [rad]; `kappa` is κ, whole [1/s]."""
     turned = fast * before.peak < 0.0
     size = max(abs(fast), abs(before.peak))
