@@ -6,11 +6,12 @@
     x' = 2q·(d̂ + I − x)                                       the innovation: what of d̂ is not yet in −I
     I' = −κ·x·x²/(x² + σ₀²),  |I'| ≤ V = v + s·|φ̇|            the correction asked for
     F'' = q²·(I − F) − 1.7q·F'                                the correction sent, twice differentiable
-    command = the servo's inverse of what is wanted, and of u what the drive does not make up for itself
+    command = the servo's inverse of it, + f − r·u, f' = −r·u/(2T_s)        what the drive does not make up for itself
 
 Everything that moves the joint is one disturbance, which is taken away. The law's own correction cancels in d̂: where
 servo, delay, slope and load are as modelled nothing is fed back. In the feedback stands a₀, in the plan a: what is
-learned must not be the loop's gain. `deadzone` jumps and learns, `oscillation` slows the observer where the loop rings.
+learned must not be the loop's gain. `deadzone` jumps and learns, `oscillation` slows the observer where the loop rings,
+`update_drive` has f jump where a motor that sticks is to turn.
 
 Derivation, stability, limits, and the whole law on a page: ``docs/background/our_law.md``. Backward Euler.
 """
