@@ -1,6 +1,6 @@
 """Mutation testing: does a test fail when one operator, comparison, condition or number of the package is changed?
 
-    python benchmarks/mutants.py [COUNT] [--seed N] [--rooms ROOM ...] [--but ROOM ...] [--all] [--left] [--least SHARE]
+    python benchmarks/mutants.py [COUNT] [--seed N] [--rooms ROOM ...] [--all] [--left] [--least SHARE]
 
 Mutants are drawn over the rooms by size: each change of each function, and of each number that a module names, is as
 likely as any other. For each, the tests that run the changed line are run, first the quick ones that run little beside
@@ -30,7 +30,7 @@ import time
 import tomllib
 import traceback
 import warnings
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from hashlib import sha256
 from itertools import pairwise
@@ -96,7 +96,7 @@ def swapped(node: ast.Call, i: int) -> None:
     node.args[i : i + 2] = reversed(node.args[i : i + 2])
 
 
-def changes(node: ast.AST, enums: dict[str, list[str]]) -> Iterator[Change]:
+def changes(node: ast.AST) -> Iterator[Change]:
     """What can be changed at a node: a word for it, and a function that does it to a copy of the node."""
     if isinstance(node, ast.Compare):
         kind = type(node.ops[0])
@@ -127,8 +127,8 @@ def changes(node: ast.AST, enums: dict[str, list[str]]) -> Iterator[Change]:
         yield "without not", lambda n: become(n, n.operand)
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         yield "−→+", lambda n: setattr(n, "op", ast.UAdd())
-    elif isinstance(node, ast.Attribute) and node.attr in enums.get(getattr(node.value, "id", ""), ()):
-        names = enums[node.value.id]  # type: ignore[attr-defined]
+    elif isinstance(node, ast.Attribute) and node.attr in enums().get(getattr(node.value, "id", ""), ()):
+        names = enums()[node.value.id]  # type: ignore[attr-defined]
         another = names[(names.index(node.attr) + 1) % len(names)]
         yield f"{node.attr}→{another}", lambda n: setattr(n, "attr", another)
     elif isinstance(node, ast.Call):
@@ -174,50 +174,34 @@ def is_number(node: ast.stmt) -> bool:
     )
 
 
-def enums_of(trees: list[ast.Module]) -> dict[str, list[str]]:
-    """Enumeration → its members."""
-    return {
-        node.name: [part.targets[0].id for part in node.body if isinstance(part, ast.Assign)]  # type: ignore[attr-defined]
-        for tree in trees
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ClassDef) and any("Enum" in ast.unparse(base) for base in node.bases)
-    }
+class Place(NamedTuple):
+    """Where a node stands."""
+
+    function: str | None
+    """The qualified name of the function that it is in; empty at a module's level, None in a class's body."""
+    lines: tuple[int, int]
+    """The first and last of its statement, without the statements within that."""
 
 
-def owners(tree: ast.Module) -> dict[ast.AST, str | None]:
-    """Node → the qualified name of the function that it is in; empty at a module's level, None in a class's body."""
-    found: dict[ast.AST, str | None] = {}
+def places(tree: ast.Module) -> dict[ast.AST, Place]:
+    """Node → its place."""
+    found: dict[ast.AST, Place] = {}
 
-    def go(node: ast.AST, place: str, function: str | None) -> None:
+    def go(node: ast.AST, outer: str, at: Place) -> None:
         for child in ast.iter_child_nodes(node):
-            inner, of = place, function
+            inner, of, lines = outer, at.function, at.lines
             if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
-                of = f"{place}{child.name}"
+                of = f"{outer}{child.name}"
                 inner = f"{of}.<locals>."
             elif isinstance(child, ast.ClassDef):
-                inner, of = f"{place}{child.name}.", function or None
-            found[child] = of
-            go(child, inner, of)
-
-    go(tree, "", "")
-    return found
-
-
-def statements(tree: ast.Module) -> dict[ast.AST, tuple[int, int]]:
-    """Node → the first and last line of the statement that it is in, without the statements within that."""
-    found: dict[ast.AST, tuple[int, int]] = {}
-
-    def go(node: ast.AST, lines: tuple[int, int]) -> None:
-        for child in ast.iter_child_nodes(node):
+                inner, of = f"{outer}{child.name}.", of or None
             if isinstance(child, ast.stmt):
-                inner = [part.lineno for part in getattr(child, "body", ())]
-                last = max(child.lineno, inner[0] - 1) if inner else child.end_lineno or child.lineno
-                found[child] = child.lineno, last
-            else:
-                found[child] = lines
-            go(child, found[child])
+                body = getattr(child, "body", ())
+                lines = child.lineno, max(child.lineno, body[0].lineno - 1) if body else child.end_lineno or 0
+            found[child] = Place(of, lines)
+            go(child, inner, found[child])
 
-    go(tree, (0, 0))
+    go(tree, "", Place("", (0, 0)))
     return found
 
 
@@ -230,28 +214,32 @@ def parsed() -> dict[str, ast.Module]:
 
 
 @functools.cache
-def every_enum() -> dict[str, list[str]]:
-    return enums_of(list(parsed().values()))
+def enums() -> dict[str, list[str]]:
+    """Enumeration of the package → its members."""
+    return {
+        node.name: [part.targets[0].id for part in node.body if isinstance(part, ast.Assign)]  # type: ignore[attr-defined]
+        for tree in parsed().values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef) and any("Enum" in ast.unparse(base) for base in node.bases)
+    }
 
 
-def mutants(rooms: list[str], but: list[str]) -> Iterator[Mutant]:
-    """Every change of every file of the rooms, but for those in some folders."""
+def mutants(rooms: list[str]) -> Iterator[Mutant]:
+    """Every change of every file of the rooms."""
     for path, tree in sorted(parsed().items()):
-        there = PurePosixPath(path).is_relative_to
-        if (rooms and not any(map(there, rooms))) or any(map(there, but)):
+        if rooms and not any(map(PurePosixPath(path).is_relative_to, rooms)):
             continue
-        places, spans = lines_of(tree), statements(tree)
-        of, lines = owners(tree), (PACKAGE / path).read_text(encoding="utf-8").splitlines()
+        found, below = places(tree), lines_of(tree)
+        lines = (PACKAGE / path).read_text(encoding="utf-8").splitlines()
         hidden = {id(inner) for node in ast.walk(tree) for part in silent(node) for inner in ast.walk(part)}
         numbers = {id(inner) for statement in tree.body if is_number(statement) for inner in ast.walk(statement)}
         for index, node in enumerate(ast.walk(tree)):
-            if id(node) in hidden or not hasattr(node, "lineno") or not (of[node] or id(node) in numbers):
+            if id(node) in hidden or not hasattr(node, "lineno") or not (found[node].function or id(node) in numbers):
                 continue
-            below = [places.get(line, ("", 0))[1] for line in spans[node]]
-            for number, (what, _) in enumerate(changes(node, every_enum())):
+            of, (first, last) = found[node].function or "", (below.get(line, ("", 0))[1] for line in found[node].lines)
+            for number, (what, _) in enumerate(changes(node)):
                 place = f"{what} at {node.col_offset} of `{lines[node.lineno - 1].strip()}`"
-                known = f"{path}: {of[node] or 'module'}: {place}"
-                yield Mutant(path, of[node] or "", index, (below[0], below[1]), number, known)
+                yield Mutant(path, of, index, (first, last), number, f"{path}: {of or 'module'}: {place}")
 
 
 def codes(code: CodeType) -> Iterator[CodeType]:
@@ -266,7 +254,7 @@ def changed_source(mutant: Mutant) -> str:
     data = (PACKAGE / mutant.path).read_bytes()
     node = list(ast.walk(ast.parse(data)))[mutant.index]
     changed: Any = copy.deepcopy(node)
-    list(changes(changed, every_enum()))[mutant.number][1](changed)
+    list(changes(changed))[mutant.number][1](changed)
     place, new = (node.test, changed.test) if isinstance(node, ast.If) else (node, changed)
     lines = [b"", *data.splitlines(keepends=True)]
     begin, end = (
@@ -307,8 +295,11 @@ def put_in_place(mutant: Mutant) -> None:
                     names[key] = value
 
 
-CALLED: set[str] = set()
-"""Kernels within the compiled code that has been called, by their names."""
+SHARED = "shared"
+CONTEXTS = [""]
+"""The test that runs, and above it, for as long as one that outlives it is made, `SHARED` for the fixture."""
+CALLED: dict[str, set[str]] = defaultdict(set)
+"""Context → kernels within the compiled code that it has called, by their names."""
 COMPILED: list[tuple[Any, Any, Any]] = []
 """What is compiled in this process: Numba's dispatcher, the kernel, and its parts."""
 
@@ -320,7 +311,7 @@ class Called:
         self._inner, self._names = inner, names
 
     def __call__(self, *given: Any, **named: Any) -> Any:
-        CALLED.update(self._names)
+        CALLED[CONTEXTS[-1]].update(self._names)
         return self._inner(*given, **named)
 
     def __getattr__(self, name: str) -> Any:
@@ -356,77 +347,56 @@ def compile_changed() -> None:
 class Recorder:
     """What each test reaches of the package, and how long it takes.
 
-    Coverage's contexts tell which lines run as Python for each test and for each fixture, which may have been made
-    for an earlier test. A kernel may also be reached within compiled code that is called.
+    Coverage's contexts tell which lines run as Python; a kernel may also be reached within compiled code. What a
+    fixture does that outlives a test counts for all tests of the file.
     """
 
     def __init__(self) -> None:
         self.found: dict[str, dict[str, Any]] = {}
-        self._needs: dict[str, list[str]] = {}
-        self._fixtures: dict[str, set[str]] = {}
-        self._contexts = [""]
         os.environ["NUMBA_JIT_COVERAGE"] = "0"  # what is compiled has not run
         self._coverage = coverage.Coverage(data_file=None, config_file=False, source=[str(PACKAGE)])
         self._coverage.start()
 
     @contextlib.contextmanager
-    def _context(self, name: str, called: set[str]) -> Iterator[None]:
-        before = set(CALLED)
-        CALLED.clear()
-        self._contexts.append(name)
+    def _context(self, name: str) -> Iterator[None]:
+        CONTEXTS.append(name)
         self._coverage.switch_context(name)
         try:
             yield
         finally:
-            called.update(CALLED)
-            CALLED.update(before)
-            self._contexts.pop()
-            self._coverage.switch_context(self._contexts[-1])
+            CONTEXTS.pop()
+            self._coverage.switch_context(CONTEXTS[-1])
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: Any) -> Iterator[None]:
-        name = f"fixture {id(fixturedef)}"
-        with self._context(name, self._fixtures.setdefault(name, set())):
+        with self._context(CONTEXTS[-1] if fixturedef.scope == "function" else SHARED):
             return (yield)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: Any) -> Iterator[None]:
-        row = self.found.setdefault(item.nodeid, {})
-        known = item._fixtureinfo.name2fixturedefs if hasattr(item, "_fixtureinfo") else {}
-        needs = [f"fixture {id(one)}" for several in known.values() for one in several]
-        called = set[str]()
-        try:
-            with self._context(item.nodeid, called):
-                return (yield)
-        finally:
-            self._needs[item.nodeid] = [item.nodeid, *needs]
-            row["compiled"] = sorted(called.union(*(self._fixtures.get(one, ()) for one in needs)))
+        with self._context(item.nodeid):
+            return (yield)
 
     def pytest_runtest_logreport(self, report: Any) -> None:
         if report.when == "call":
-            self.found[report.nodeid] |= {"time": report.duration, "passed": report.passed}
+            self.found[report.nodeid] = {"time": report.duration, "passed": report.passed}
 
     def finished(self) -> dict[str, dict[str, Any]]:
         """Test → its time, the lines of functions that it runs, and the kernels that it calls compiled."""
         self._coverage.stop()
         with warnings.catch_warnings(action="ignore"):  # that nothing of the package has run
             data = self._coverage.get_data()
-        lines: dict[str, dict[str, int]] = {}
+        lines: dict[str, Counter[str]] = defaultdict(Counter)
         for file in data.measured_files():
             path = str(Path(file).relative_to(PACKAGE))
-            places = lines_of(parsed().get(path, ast.Module([], [])))  # of a page's template nothing
+            below = lines_of(parsed().get(path, ast.Module([], [])))  # of a page's template nothing
             for line, contexts in data.contexts_by_lineno(file).items():
-                if line in places:
-                    name, offset = places[line]
-                    for context in contexts:
-                        masks = lines.setdefault(context, {})
-                        masks[f"{path}:{name}"] = masks.get(f"{path}:{name}", 0) | 1 << offset
-        for test, needs in self._needs.items():
-            plain: dict[str, int] = {}
-            for context in needs:
-                for name, mask in lines.get(context, {}).items():
-                    plain[name] = plain.get(name, 0) | mask
-            self.found[test]["plain"] = {name: f"{mask:x}" for name, mask in sorted(plain.items())}
+                for context in contexts if line in below else ():
+                    lines[context][f"{path}:{below[line][0]}"] |= 1 << below[line][1]
+        for test, row in self.found.items():
+            names = {*lines[test], *lines[SHARED]}
+            row["plain"] = {name: f"{lines[test][name] | lines[SHARED][name]:x}" for name in sorted(names)}
+            row["compiled"] = sorted(CALLED[test] | CALLED[SHARED])
         return self.found
 
 
@@ -435,13 +405,11 @@ def lines_of(tree: ast.Module) -> dict[int, tuple[str, int]]:
 
     A change of another function moves neither.
     """
-    of, found = owners(tree), dict[int, tuple[str, int]]()
-    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    of, found = places(tree), dict[int, tuple[str, int]]()
+    functions = [node for node in of if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
     for node in sorted(functions, key=lambda one: one.lineno):
-        name = next(of[inner] for inner in node.body if of[inner])
-        assert name
         for line in range(node.body[0].lineno, (node.end_lineno or node.lineno) + 1):
-            found[line] = name, line - node.lineno
+            found[line] = of[node].function or "", line - node.lineno
     return found
 
 
@@ -524,29 +492,26 @@ class Mutating:
 
     def __init__(self, given: argparse.Namespace) -> None:
         self.given, self.code = given, 1
-        self._end = time.monotonic() + given.seconds
         self._failed = ""
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         items = {item.nodeid: item for item in session.items}
         for item in session.items:
             found_soon(item)
-        tests = reached(items, self._in_time)
-        every = list(mutants(self.given.rooms, self.given.but))
+        tests = reached(items)
+        every = list(mutants(self.given.rooms))
         count = len(every) if self.given.all else min(self.given.count, len(every))
         drawn = every if self.given.all else random.Random(self.given.seed).sample(every, count)
-        of = sha256(repr((self.given.rooms, self.given.but)).encode()).hexdigest()[:8]
+        of = sha256(repr(self.given.rooms).encode()).hexdigest()[:8]
         kept = Kept(f"mutants-{of}-{'all' if self.given.all else self.given.seed}")
         again = {what for what, by in kept.rows() if by in ALIVE or ("::" in by and by not in tests)}
         done = {what: by for what, by in kept.rows() if not (self.given.left and what in again)}
         kept.replace([[one.what, done[one.what]] for one in drawn if one.what in done])
-        missing = (one for one in drawn if one.what not in done)
-        rows = kept.filled(([one.what, self.judge(one, tests, items)] for one in missing if self._in_time()), count)
+        end = time.monotonic() + self.given.seconds
+        missing = (one for one in drawn if one.what not in done and time.monotonic() < end)
+        rows = kept.filled(([one.what, self.judge(one, tests, items)] for one in missing), count)
         self.code = summary(rows, count, self.given.least)
         return True
-
-    def _in_time(self) -> bool:
-        return time.monotonic() < self._end
 
     def pytest_runtest_logreport(self, report: Any) -> None:
         if report.failed and not self._failed:
@@ -567,14 +532,14 @@ class Mutating:
         return by
 
 
-def reached(items: dict[str, Any], in_time: Callable[[], bool]) -> dict[str, dict[str, Any]]:
-    """Test → what it reaches; of test files that have changed, found anew while there is time."""
+def reached(items: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Test → what it reaches; of test files that have changed, found anew."""
     REACHED.mkdir(parents=True, exist_ok=True)
     parsed()  # once for all children
     rows: dict[str, Any] = {}
     for file in sorted({name.partition("::")[0] for name in items}):
         kept = REACHED / f"{file.replace('/', '-')}-{sha256((ROOT / file).read_bytes()).hexdigest()[:16]}.json"
-        if not kept.is_file() and in_time():
+        if not kept.is_file():
             own, start = [item for name, item in items.items() if name.partition("::")[0] == file], time.monotonic()
 
             def work(own: list[Any] = own) -> Any:
@@ -586,8 +551,7 @@ def reached(items: dict[str, Any], in_time: Callable[[], bool]) -> dict[str, dic
             found = in_child(work, 1200) or {}
             print(f"{file}: {len(found)} tests in {time.monotonic() - start:.0f} s", flush=True)
             kept.write_text(json.dumps(found), encoding="utf-8")
-        if kept.is_file():
-            rows |= json.loads(kept.read_text(encoding="utf-8"))
+        rows |= json.loads(kept.read_text(encoding="utf-8"))
     return {name: row for name, row in rows.items() if name in items and row.get("passed")}
 
 
@@ -642,12 +606,11 @@ def main() -> int:
     parser.add_argument("count", nargs="?", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--rooms", nargs="*", default=[], help="folders or files of the package; all, if none is named")
-    parser.add_argument("--but", nargs="*", default=[], help="folders or files that are left out")
     parser.add_argument("--tests", nargs="*", default=["tests"], help="all, if none is named")
     parser.add_argument("--all", action="store_true", help="every mutant of the rooms")
     parser.add_argument("--left", action="store_true", help="judge again what survived")
     parser.add_argument("--least", type=float, default=1.0, help="share that is to be killed")
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="how long, at most")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="after which no further one is begun")
     given = parser.parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
     os.chdir(ROOT)

@@ -24,7 +24,7 @@ import numpy as np
 
 from bowden.core.errors import BowdenError
 from bowden.live.live_run import live_run
-from bowden.live.mcap_reader import LogReader
+from bowden.live.mcap_read import LogReader
 from bowden.live.operator import ending_signals, operate
 from bowden.live.row import AT
 from bowden.live.session import Session

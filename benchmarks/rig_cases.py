@@ -159,8 +159,9 @@ def refused(error: BowdenError) -> list[Any]:
 
 def follows(rig: Rig) -> dict[str, Any]:
     """What follows from a rig of one motor."""
-    found: dict[str, Any] = {"tree": rig.tree(), "notes": list(rig.notes), "text": str(rig).partition("\n")[2]}
+    found: dict[str, Any] = {"tree": rig.tree()}
     for name in (
+        "notes",
         *("supervisor_limits", "basis", "drive_needs", "drive_parameters", "knowledge", "worn", "bench", "cabled"),
         *("start_motor", "begin", "home", "slope", "turned", "filters"),
     ):

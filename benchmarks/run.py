@@ -20,7 +20,6 @@ sys.path.append(str(Path(__file__).parents[1] / "tests"))  # where the fault mat
 BENCH = {
     "speed": ("", "speed", "Speed against C and python-control; ratios of processor times"),
     "check_study": ("study", "check_study", "Verdicts of `bowden check` against long simulations of 500 random rigs"),
-    "joint_angle": ("joint_angle", "joint_angle", "An estimate of the joint's angle in place of an encoder"),
     "suit_wearers": ("wearers", "suit_wearers", "The suit on 500 random wearers"),
 }
 """Part → its module (none: `speed`), its result file, and the caption."""
@@ -30,6 +29,7 @@ SOAK = {
     "faults": ("fault_matrix", "The fault matrix: single faults, pairs, and ten million inputs of every kind"),
     "releases": ("releases", "A thousand releases on random rigs"),
     "hours": ("soak_supervisor", "24 hours without a fault under the supervisor"),
+    "joint_angle": ("joint_angle", "An estimate of the joint's angle in place of an encoder"),
     "fuzzing": ("fuzzing", "One million fuzzed files, frames and streams"),
 }
 """Part → its module, after which its result file is named, and the caption."""

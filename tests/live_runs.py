@@ -17,7 +17,7 @@ import pytest
 
 from bowden.app.main import run
 from bowden.hardware.realtime import Settings
-from bowden.live.lateness import bare_loop_apart
+from bowden.live.machine import bare_loop_apart
 from bowden.operations.schema import json_schema
 from bowden.safety.faults import Fault
 

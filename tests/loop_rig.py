@@ -19,8 +19,7 @@ from bowden.live.control_block import ControlBlock
 from bowden.live.figures import Damage
 from bowden.live.loop import Ended, Loop, MotorParts
 from bowden.live.mcap_read import Recording
-from bowden.live.ring import RingReader, RingWriter
-from bowden.live.ring_status import RecorderState, Report
+from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
 from bowden.live.row import AT, NOTHING_READ, columns, description
 from bowden.live.script import Script
 from bowden.models.cable.sheath_path import constant_bend

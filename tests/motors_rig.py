@@ -20,8 +20,7 @@ from bowden.live.figures import Damage
 from bowden.live.loop import Loop, MotorParts
 from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Preflight
-from bowden.live.ring import RingReader, RingWriter
-from bowden.live.ring_status import RecorderState, Report
+from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
 from bowden.live.row import NOTHING_READ
 from bowden.live.run_settings import run_settings
 from bowden.live.script import Script

@@ -12,7 +12,7 @@ from bowden.app import main
 from bowden.core.errors import ParameterError
 from bowden.core.units import DEGREES
 from bowden.records.trace import Trace
-from bowden.sim.one_run import run_of
+from bowden.sim.rig_runs import run_of
 from bowden.study.load import load
 from bowden.study.rows import SUIT_FIGURES, table_of
 

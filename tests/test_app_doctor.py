@@ -11,8 +11,7 @@ import pytest
 from bowden.app.main import run
 from bowden.core.errors import ParameterError
 from bowden.hardware.realtime import check_processor
-from bowden.live.lateness import EDGES_US, figures, histogram
-from bowden.live.machine import look
+from bowden.live.machine import EDGES_US, figures, histogram, look
 from bowden.operations.schema import json_schema
 
 

@@ -19,8 +19,8 @@ from bowden.operations.schema import json_schema
 from bowden.sensing import wearer_file
 from bowden.sensing.envelope import DEFAULTS
 from bowden.sensing.stream import EnvelopeFilter
-from bowden.sim.emg import NOISE, background, contractions
-from bowden.sim.emg_sources import heart, hum
+from bowden.sim.emg import NOISE, background, contractions, hum
+from emg_sources import heart
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

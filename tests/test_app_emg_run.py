@@ -12,10 +12,10 @@ from bowden.core.errors import BowdenError
 from bowden.hardware.emg.recorded import EmgMotion, columns
 from bowden.hardware.ports import EmgChunk
 from bowden.live.figures import DelaySpread
-from bowden.live.led_summary import emg_figures
 from bowden.live.live_run import Live, live_run
 from bowden.live.preflight import Preflight, require
 from bowden.live.screen import _emg, wearer
+from bowden.live.summary import emg_figures
 from bowden.rig.rig import Rig
 from bowden.sensing.course import CourseSettings
 from bowden.sensing.stream import EnvelopeFilter

@@ -27,12 +27,12 @@ from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import TorqueLeft, torque_left
-from bowden.live import operator, stops, thermal_file
+from bowden.live import drive_memory, operator, stops
 from bowden.live.automatic import automatic
 from bowden.live.figures import Damage, EndedRun, Lateness, RunMotor, RunStop, TimedText
 from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Reason
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import RecorderState
 from bowden.live.row import columns
 from bowden.live.screen import picture
 from bowden.live.session import PATIENCE, relax_twin_limits
@@ -398,12 +398,12 @@ def state(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_warm_motor_is_warm_after_a_restart_and_another_rigs_is_not(state: Path) -> None:
-    thermal_file.write(DRIVE, WARM)
-    again = thermal_file.read(DRIVE, LIMITS)
+    drive_memory.keep_heat(DRIVE, WARM)
+    again = drive_memory.read_heat(DRIVE, LIMITS)
     assert again.winding == pytest.approx(80.0, abs=2.0)
     assert again.housing == pytest.approx(60.0, abs=1.0)
-    assert thermal_file.read(DRIVE._replace(node_id=2), LIMITS) == cold(Thermal())
-    assert thermal_file.read(DRIVE._replace(channel="another"), LIMITS) == cold(Thermal())
+    assert drive_memory.read_heat(DRIVE._replace(node_id=2), LIMITS) == cold(Thermal())
+    assert drive_memory.read_heat(DRIVE._replace(channel="another"), LIMITS) == cold(Thermal())
     assert len(list(state.iterdir())) == 1
 
 
@@ -414,35 +414,35 @@ def test_a_warm_motor_is_warm_after_a_restart_and_another_rigs_is_not(state: Pat
 def test_a_file_that_says_nothing_is_a_hot_motor_and_is_told(
     text: str, state: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert thermal_file.read(DRIVE, LIMITS) == cold(Thermal())
+    assert drive_memory.read_heat(DRIVE, LIMITS) == cold(Thermal())
     assert capsys.readouterr().err == "", "the first run"
-    thermal_file.write(DRIVE, WARM)
+    drive_memory.keep_heat(DRIVE, WARM)
     next(state.iterdir()).write_text(text)
-    found = thermal_file.read(DRIVE, LIMITS)
+    found = drive_memory.read_heat(DRIVE, LIMITS)
     assert (found.winding, found.housing) == (LIMITS.winding_limit, LIMITS.housing_limit)
     assert "it is assumed to be as hot as allowed" in capsys.readouterr().err
 
 
 def test_nothing_is_colder_than_its_surroundings(state: Path) -> None:
-    thermal_file.write(DRIVE, dict.fromkeys(WARM, -1000.0))
-    assert thermal_file.read(DRIVE, LIMITS) == cold(Thermal())
+    drive_memory.keep_heat(DRIVE, dict.fromkeys(WARM, -1000.0))
+    assert drive_memory.read_heat(DRIVE, LIMITS) == cold(Thermal())
 
 
 def test_a_motor_cools_by_the_time_that_this_computer_has_counted(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No clock that can be set has a say; of a computer that was started anew, the time since is what is certain."""
-    thermal_file.write(DRIVE, WARM, surely=True)
+    drive_memory.keep_heat(DRIVE, WARM, surely=True)
     boot, now = boot_seconds()
     for again, passed, winding in ((boot, 0.0, 80.0), (boot, -1e3, 80.0), ("another", -now, 80.0)):
-        monkeypatch.setattr(thermal_file, "boot_seconds", lambda found=(again, now + passed): found)
-        assert thermal_file.read(DRIVE, LIMITS).winding == pytest.approx(winding, abs=0.5)
+        monkeypatch.setattr(drive_memory, "boot_seconds", lambda found=(again, now + passed): found)
+        assert drive_memory.read_heat(DRIVE, LIMITS).winding == pytest.approx(winding, abs=0.5)
     for again, at in ((boot, now + 1e4), ("another", 1e4)):
-        monkeypatch.setattr(thermal_file, "boot_seconds", lambda found=(again, at): found)
-        assert thermal_file.read(DRIVE, LIMITS)[:] == pytest.approx(cold(Thermal())[:], abs=0.1)
+        monkeypatch.setattr(drive_memory, "boot_seconds", lambda found=(again, at): found)
+        assert drive_memory.read_heat(DRIVE, LIMITS)[:] == pytest.approx(cold(Thermal())[:], abs=0.1)
 
 
 def test_a_place_that_cannot_be_written_is_told(state: Path) -> None:
     state.write_text("a file where the folder should be")
-    assert str(state) in thermal_file.write(DRIVE, WARM)
+    assert str(state) in drive_memory.keep_heat(DRIVE, WARM)
 
 
 def test_who_has_no_home_begins_cold_and_is_not_stopped_by_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -452,8 +452,8 @@ def test_who_has_no_home_begins_cold_and_is_not_stopped_by_it(monkeypatch: pytes
     monkeypatch.delenv("XDG_STATE_HOME", raising=False)
     monkeypatch.delenv("HOME", raising=False)
     monkeypatch.setattr(pwd, "getpwuid", nobody)
-    assert "home" in thermal_file.write(DRIVE, WARM)
-    assert thermal_file.read(DRIVE, LIMITS) == cold(Thermal())
+    assert "home" in drive_memory.keep_heat(DRIVE, WARM)
+    assert drive_memory.read_heat(DRIVE, LIMITS) == cold(Thermal())
 
 
 def test_faults_are_told_in_the_order_of_time_and_consequences_as_such() -> None:

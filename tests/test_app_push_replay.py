@@ -18,13 +18,13 @@ from bowden.cycle.one_cycle import LAW, LAW_BEGINS, NOTHING_OBSERVED, Cycle, Fil
 from bowden.design.felt import felt
 from bowden.live.events import Changes
 from bowden.live.figures import Damage
-from bowden.live.led_summary import push_figures
 from bowden.live.live_run import Live, live_run
 from bowden.live.log_replay import source_for
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import Recording
 from bowden.live.row import columns, description
 from bowden.live.run_settings import run_settings
+from bowden.live.summary import push_figures
 from bowden.models.drive.thermal import cold
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig

@@ -15,10 +15,9 @@ from hypothesis import strategies as st
 
 from bowden.console.earlier import EarlierRuns
 from bowden.console.jobs import Jobs
-from bowden.console.lease import Lease
+from bowden.console.lease import Lease, Stamps
 from bowden.console.runs import TAKEN, RunOwner, TerminalRun
 from bowden.console.settings import RunSettings
-from bowden.console.stamps import Stamps
 from bowden.console.stream import CURVES, WHOLE, Cursor, Watch, columns_of, reduced, taken
 from bowden.control import LAWS
 from bowden.core.clock import SECOND, MonotonicClock

@@ -18,7 +18,7 @@ from bowden.control.knowledge import Knowledge, configured, informed
 from bowden.control.law_parts import half_width, lag
 from bowden.core.errors import BowdenError, ParameterError, UnknownNameError
 from bowden.core.signals import Reference, Sample
-from bowden.export import law as export_law
+from bowden.export import modules as exported
 from bowden.live.live_run import live_run
 from bowden.live.log_replay import law_of
 from bowden.live.mcap_read import Recording
@@ -76,11 +76,11 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Law]]:
         return caught
 
     monkeypatch.setattr(
-        "bowden.design.verdict.verdicts", catching("simulate", lambda joint, laws, *_: [own for (own,) in laws])
+        "bowden.design.other_law.verdicts", catching("simulate", lambda joint, laws, *_: [own for (own,) in laws])
     )
     monkeypatch.setattr("bowden.design.check.check", catching("check", lambda bench, law: [law]))
     monkeypatch.setattr("bowden.study.tune_law.search", catching("tune", lambda bench, law: [law]))
-    monkeypatch.setattr(export_law, "law_module", catching("export", lambda law, *_: [law]))
+    monkeypatch.setattr(exported, "law_module", catching("export", lambda law, *_: [law]))
     monkeypatch.setattr("bowden.study.tune_law.two_workers", lambda *_, **__: contextlib.nullcontext(map))
     return found
 

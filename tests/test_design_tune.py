@@ -20,10 +20,9 @@ from bowden.core.errors import OutputError, ParameterError
 from bowden.design.check import check
 from bowden.design.check_result import MOST_PER_COUNT
 from bowden.design.gains_text import with_gains
-from bowden.design.tune import NoGainsError, tune
+from bowden.design.tune import NoGainsError, easier, tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task, chatter, keeps, shortfall
 from bowden.design.tune_result import REACH
-from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
 from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_bend
 from bowden.operations.schema import json_schema

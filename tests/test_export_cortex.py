@@ -11,7 +11,7 @@ from bowden.control.law import Law
 from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.export.files import files
-from bowden.export.law import law_module
+from bowden.export.modules import law_module
 from support import cortex
 
 pytestmark = pytest.mark.skipif(bool(cortex.tools()), reason=f"not installed: {', '.join(cortex.tools())}")

@@ -14,7 +14,7 @@ from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
-from bowden.export.law import law_module, prefix
+from bowden.export.modules import law_module, prefix
 from support.exported_c import COMPILER, Exported, bits
 from support.states import floated
 

@@ -11,8 +11,8 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import flat, unflatten_like
 from bowden.core.signals import DriveReading
-from bowden.export.module import Constant, Module, Public
-from bowden.export.parts import emg_modules, safety_module
+from bowden.export.modules import emg_modules, safety_module
+from bowden.export.unit import Constant, Module, Public
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.faults import Fault, Reaction
 from bowden.safety.limits import Limits

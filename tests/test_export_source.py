@@ -25,9 +25,8 @@ from bowden.core.nested import flat
 from bowden.core.quantity import Quantity
 from bowden.export.files import files
 from bowden.export.kinds import identifier
-from bowden.export.law import law_module
-from bowden.export.module import Constant, Module, Public
-from bowden.export.parts import begun, emg_modules, safety_module
+from bowden.export.modules import begun, emg_modules, law_module, safety_module
+from bowden.export.unit import Constant, Module, Public
 from bowden.safety.limits import Limits
 from bowden.sensing.envelope import PLAIN_THRESHOLD
 from support.exported_c import COMPILER, Exported, bits
@@ -284,6 +283,7 @@ def law_of(text: str, folder: Path) -> Law:
         ("for i in range(3): pass\n    x = x + i", "read before it is set"),
         ("i = 1\n    for i in range(3): x = x + i", "give it another name"),
         ("x, state.total = dt, x", "keep to the subset"),
+        ("state.total += x", "keep to the subset"),
         ("x = State(*state).total", "one by one"),
         ("if x: x = 1.0", "x != 0.0"),
         ("x = True", "first float and then bool"),

@@ -25,11 +25,10 @@ from bowden.hardware.ports import TorqueLeft
 from bowden.live.ended import Ended, EndedMotor
 from bowden.live.figures import RunStop
 from bowden.live.log_rig import rig_of_log
-from bowden.live.mcap_read import Recording
-from bowden.live.mcap_reader import Damage
+from bowden.live.mcap_read import Damage, Recording
 from bowden.live.outcome import RunState, outcome, outcome_of
 from bowden.live.preflight import REASONS, Reason
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import RecorderState
 from bowden.operations.support.given import in_turn
 from bowden.operations.support.progress import reported
 from bowden.safety.faults import Fault

@@ -11,7 +11,7 @@ import pytest
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
-from bowden.export.parts import emg_modules
+from bowden.export.modules import emg_modules
 from bowden.hardware.buses.link import Links
 from bowden.hardware.emg.listener import Listener
 from bowden.hardware.ports import Drive, EmgChunk, Power

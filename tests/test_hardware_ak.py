@@ -16,20 +16,17 @@ from bowden.hardware.drives.ak_frames import (
     EXIT,
     HIGHEST_POSITION,
     MODELS,
-    MODELS_V3,
     ZERO,
     AkCommand,
     AkReply,
     pack_command,
-    pack_command_v3,
     pack_reply,
-    pack_state_v3,
     unpack_command,
     unpack_reply,
-    unpack_state_v3,
 )
 from bowden.hardware.drives.families.ak_mit import AkParameters
 from bowden.hardware.drives.findings import INERT, LOST_RANGE
+from bowden.hardware.drives.on_can import require
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.plant import FOLLOW
@@ -42,7 +39,7 @@ from support.memory_bus import DriverLoop, asking
 
 CYCLE = 1e-3
 DRIVE = AkParameters(answer_timeout=0.2)
-MODEL = MODELS["AK80-9"]
+MODEL = MODELS["v2"]["AK80-9"]
 ON_RIG = '[motor]\ngear = 9.0\ntorque_constant_nm_per_a = 0.091\n[drive]\nfamily = "ak_mit"\n'
 
 
@@ -63,14 +60,14 @@ V3 = asking(DRIVE._replace(board="v3"), sample_time=2e-3)
 )
 def test_a_command_to_a_board_v3_is_as_public_code_has_it(speed: float, frame: str) -> None:
     """Frames with which others have moved a motor whose speeds are those of an AK10-9."""
-    assert pack_command_v3(AkCommand(0.0, speed, 0.0, 1.0, 0.0), MODELS_V3["AK10-9"]).hex() == frame
+    assert pack_command(AkCommand(0.0, speed, 0.0, 1.0, 0.0), MODELS["v3"]["AK10-9"]).hex() == frame
 
 
 @given(st.floats(-12.0, 12.0), st.floats(-50.0, 50.0), st.floats(-15.0, 15.0), st.integers(-20, 120))
 def test_a_state_of_a_board_v3_says_what_went_in(position: float, speed: float, torque: float, heat: int) -> None:
-    model = MODELS_V3["AK80-9"]
+    model = MODELS["v3"]["AK80-9"]
     told = AkReply(3, position, speed, torque, heat, 0, at_end=False)
-    said = unpack_state_v3(pack_state_v3(told, model, 0.8), 3, model, 0.8)
+    said = unpack_reply(pack_reply(told, model, 0.8), model, 3, 0.8)
     assert said is not None
     assert math.isclose(said.position, position, abs_tol=math.radians(0.051))
     assert math.isclose(said.torque, torque, abs_tol=0.0041)
@@ -265,6 +262,17 @@ def test_a_rig_beyond_the_range_of_the_position_is_refused(tmp_path: Any) -> Non
         _ = given_rig(tmp_path, "[limits]\nmotor_high_deg = 800.0\n").drive_parameters
 
 
+def test_a_zero_that_a_restart_would_move_is_refused_on_a_real_bus(tmp_path: Any) -> None:
+    """A turn of the rotor is 40° of the spool, which the drive forgets with its supply."""
+    real = 'interface = "socketcan"\nchannel = "can0"\n'
+    with pytest.raises(ParameterError, match=r"turns of the rotor; the drive forgets.*home = .hint. with motor_hint"):
+        _ = given_rig(tmp_path, real).drive_parameters
+    for home in ('home = "hint"\n', 'home = "here"\n'):
+        assert given_rig(tmp_path, real + home).drive_parameters.interface == "socketcan"
+    asked = asking(DRIVE._replace(interface="socketcan"), lowest_motor=0.0, highest_motor=0.6)
+    require(asked)
+
+
 def test_a_rig_without_a_joints_angle_is_not_run(tmp_path: Any) -> None:
     rig = given_rig(tmp_path, 'joint = "none"\n')
     with pytest.raises(ParameterError, match="not measured"):
@@ -278,7 +286,7 @@ def test_a_drive_without_a_timeout_is_not_run(tmp_path: Any) -> None:
 
 
 def test_a_limb_is_refused_where_nobody_can_see_the_timeout(tmp_path: Any) -> None:
-    bus = 'interface = "socketcan"\nchannel = "can0"\n'
+    bus = 'interface = "socketcan"\nchannel = "can0"\nhome = "hint"\n'
     assert "bare bench" in unseen_watch(given_rig(tmp_path))
     require_watch(given_rig(tmp_path))  # on the twin's bus there is no limb
     with pytest.raises(SafetyError, match="no_limb = true"):

@@ -210,18 +210,6 @@ class _Nothing:
         return "nothing"
 
 
-def test_two_nodes_with_frames_of_one_identifier_are_refused() -> None:
-    links = Links(MemoryBus())
-    links.join(PLACE, "node 1", lambda identifier: identifier & 0x7F == 1)
-    cell = LoadCellReader(PLAIN._replace(identifier=0x181), 0.1)
-    with pytest.raises(DriveError, match="both have frames 181h"):
-        links.join(PLACE, cell.node, cell.wants, sends=cell.sends)
-    other = Links(MemoryBus())
-    other.join(PLACE, cell.node, cell.wants, sends=cell.sends)
-    with pytest.raises(DriveError, match="both have frames 181h"):
-        other.join(PLACE, "node 1", lambda identifier: identifier & 0x7F == 1)
-
-
 @pytest.mark.parametrize(
     ("cell", "said"),
     [

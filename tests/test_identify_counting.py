@@ -10,7 +10,7 @@ import pytest
 from bowden.core.errors import ParameterError
 from bowden.design.rig_of_model import with_stroke
 from bowden.plants.counting import Counting, Covered, Encoders, covered_by
-from bowden.plants.identified import CableModel, IdentifiedCable, cable_text, load_cable, load_judged
+from bowden.plants.identified import CableModel, IdentifiedCable, cable_text, load_cable
 from bowden.plants.recounted import recounted
 from bowden.plants.trust import Trust
 from bowden.rig.rig import Rig
@@ -122,10 +122,10 @@ def test_a_written_cable_is_read_back(name: str, said: dict[str, Any], tmp_path:
     )
     assert back.encoders == pytest.approx(said.get("encoders", (0.0, 0.0, 0.0)))
     assert back.covered == (pytest.approx(said["covered"], abs=1e-6) if said else None)
-    assert np.isnan(load_judged(file)[1])
+    assert np.isnan(back.judged)
     for key in ("test_rms_deg", "judged_rms_deg"):  # the second is nearer to what is wanted
         file.write_text(file.read_text() + f"[models.{name}]\n" * (key[0] == "t") + f"{key} = {len(key)}\n")
-        assert load_judged(file)[1] == pytest.approx(np.radians(len(key)))
+        assert load_cable(file).judged == pytest.approx(np.radians(len(key)))
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 
 import bowden
-from bowden.identify.cable.advice import seconds_text
 from bowden.identify.cable.cycles import ENOUGH, Cycles, whole_cycles
 from bowden.identify.cable.path import build_path
+from bowden.identify.cable.trust import seconds_text
 from bowden.identify.cable.turns import find_turns
 
 Array = NDArray[np.float64]

@@ -17,8 +17,8 @@ from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.forecast import forecast
 from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.plays import PrandtlIshlinskii
 from bowden.identify.cable.settling import Settling, settling
-from bowden.identify.cable.stack import PrandtlIshlinskii
 from bowden.identify.cable.turns import find_turns
 from bowden.identify.cable.validation import folds, simplest_of_the_best
 from bowden.models.cable.bouc_wen import BoucWen, joint_angle
@@ -26,9 +26,8 @@ from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.generalised_play import Branches, design_of, half_gap, mean_branch, with_curve
 from bowden.models.cable.generalised_play import joint_angle as branched
 from bowden.models.cable.prandtl_ishlinskii import plays
-from bowden.plants.cables import branches_of
 from bowden.plants.identified import CableModel
-from bowden.plants.predicted import NAMES, chebyshev, generalised_play
+from bowden.plants.predicted import NAMES, branches_of, chebyshev, generalised_play
 from bowden.records.metrics import rmse
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import Recalibration
 from bowden.identify.cable.identification import identify
 from bowden.identify.cable.loads import _levels
-from bowden.identify.cable.recalibrate import Known, recalibrated
+from bowden.identify.cable.recalibrate import recalibrated
 from bowden.identify.log.read import Log, read_log
 from bowden.identify.log.variables import Scheduled, scheduled_by
 from bowden.models.cable.bouc_wen import saturation
@@ -27,7 +27,7 @@ from bowden.models.cable.scheduled import ScheduledCable, bouc_wen_at, cable_of,
 from bowden.operations.schema import json_schema
 from bowden.plants.bends import ConstantBend
 from bowden.plants.cable_plant import Cable
-from bowden.plants.identified import CableModel, IdentifiedCable, load_cable, load_judged
+from bowden.plants.identified import CableModel, IdentifiedCable, load_cable
 from bowden.plants.scheduled_cable import scheduled
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def at_loads(logs: list[Log], loads: Any) -> Fit:
 
 
 def gain_of(log: Log, cable: IdentifiedCable, judged: float = math.nan) -> Recalibration:
-    found = identify([log], known=Known(cable, judged)).recalibration
+    found = identify([log], known=dataclasses.replace(cable, judged=judged)).recalibration
     assert found is not None
     return found
 
@@ -187,7 +187,7 @@ def new_log(gain: float, offset: float, wider: float = 1.0, samples: int = 600) 
 
 
 def test_gain_and_offset_come_back_from_seconds_of_motion() -> None:
-    fit = identify([new_log(0.97, 0.05)], known=Known(known(), 0.05 / DEGREES))
+    fit = identify([new_log(0.97, 0.05)], known=known())
     found = gain_of(new_log(0.97, 0.05), known(), 0.05 / DEGREES)
     assert found.gain == pytest.approx(0.97, abs=2e-3)
     assert fit.best.parameters["offset"] == pytest.approx(0.97 * 0.2 + 0.05, abs=5e-4)
@@ -268,18 +268,18 @@ def test_all_families_get_the_gain_and_offset_of_the_best(narrow: Fit) -> None:
 def test_a_gain_of_exactly_one_is_no_gain_that_was_not_fitted() -> None:
     log = new_log(1.0, 0.0)
     exact = dataclasses.replace(log, joint=CableModel("play", known().model().parameters).joint_angle(log.motor))
-    found = identify([exact], known=Known(known(), 0.01))
+    found = identify([exact], known=known())
     assert gain_of(exact, known(), 0.01).gain == pytest.approx(1.0, abs=1e-3)
     assert not any("too short" in said for said in found.warnings)
 
 
 def test_the_unit_of_the_load_is_compared_and_kept(fit: Fit, tmp_path: Path) -> None:
     fit.write(tmp_path / "model.toml")
-    known = Known(*load_judged(tmp_path / "model.toml"))
+    known = load_cable(tmp_path / "model.toml")
     with pytest.raises(BowdenError, match=r"the load is in mN·m, .*model.toml has it in N·m"):
         identify([log_at(0.2)], [Scheduled("load", (200.0,), "mN·m", "")], known)
     identify([log_at(0.2)], [Scheduled("load", (0.2,), "", "")], known).write(tmp_path / "new.toml")
-    assert load_judged(tmp_path / "new.toml")[0].units == {"load": "N·m"}
+    assert load_cable(tmp_path / "new.toml").units == {"load": "N·m"}
 
 
 # what the review of several logs found
@@ -347,9 +347,9 @@ def test_several_logs_become_a_model_that_a_rig_and_a_recalibration_take(
     found = document(capsys, *files[:3], "--out", "together")
     assert found["variables"] == {"load": "N·m", "bend": None}
     assert [one["load"] for one in found["logs"]] == pytest.approx(LOADS[:3])
-    cable, judged = load_judged("together/model.toml")
+    cable = load_cable("together/model.toml")
     assert dict(cable.model().parameters) == found["models"]["scheduled"]["parameters"]
-    assert judged * DEGREES == pytest.approx(found["judged_rms_deg"], rel=1e-5)
+    assert cable.judged * DEGREES == pytest.approx(found["judged_rms_deg"], rel=1e-5)
     Path("rig.toml").write_text('[cable]\nmodel = "together/model.toml"\n[cable.parameters]\nload = 0.15\n')
     assert bowden.Rig.read("rig.toml").cable.model().parameters["load"] == 0.15
     again = document(capsys, files[3], "--model", "together/model.toml", "--load", "0.35", "--out", "new")

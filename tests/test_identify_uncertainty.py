@@ -8,12 +8,11 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.units import RADIANS
 from bowden.identify.cable.bouc_wen import BoucWenCable, fit_terms
 from bowden.identify.cable.bouc_wen_search import bounds
-from bowden.identify.cable.family import Estimate, Family
+from bowden.identify.cable.family import Estimate, Family, Line
 from bowden.identify.cable.generalised import GeneralisedPlay
-from bowden.identify.cable.line import Line
 from bowden.identify.cable.loop import loop_of
 from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.play import PlayOperator
+from bowden.identify.cable.plays import PlayOperator
 from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.cable.uncertainty import all_shown, standard_errors
 from bowden.models.cable.bouc_wen import BoucWen, saturation

@@ -5,19 +5,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bowden import Rig
 from bowden.core.errors import ParameterError, SafetyError
 from bowden.core.signals import Sample
 from bowden.core.units import RADIANS
 from bowden.live.by_hand import require_confirmed
-from bowden.plants.estimated import SensorRun, sensor_step
-from bowden.rig.joint_sensor import model_of
-from bowden.rig.settings import JointSensor
+from bowden.plants.bench import Bench
+from bowden.plants.estimated import BENDS, Estimated, SensorRun, sensor_step
 from bowden.safety.detectors import joint_unsure
 from bowden.safety.evidence import joint_doubt
 from bowden.safety.limits import Limits
-from bowden.sim.one_run import run_of
+from bowden.sensing.joint_angle import JointModel
+from bowden.sim.rig_runs import run_of
+from support.sensors import PAPER_ENCODER
 
 IMU = {"source": "imu", "stream": "udp:5005"}
 STRETCH = {"source": "stretch", "stream": "udp:5005", "curve_values": (100.0, 900.0), "curve_angles": (0.0, 1.5)}
@@ -38,8 +41,10 @@ def test_a_rig_keeps_its_joint_sensor(given: dict[str, Any], tmp_path: Any) -> N
     [
         ({"source": "imu"}, "stream"),
         (IMU | {"stream": "udp:x"}, "a port"),
+        (IMU | {"stream": "serial:/dev/ttyACM0@fast"}, "a baud rate"),
         (IMU | {"axis": (1.0, 1.0, 0.0)}, "length 1"),
         (IMU | {"bodies": 2}, "quaternion"),
+        (IMU | {"bodies": 2, "gives": "inertial"}, "quaternion"),
         (STRETCH | {"curve_values": (1.0,), "curve_angles": (0.0,)}, "two readings"),
         (STRETCH | {"curve_values": (1.0, 3.0, 2.0), "curve_angles": (0.0, 1.0, 2.0)}, "only rise"),
         (IMU | {"delay": 0.09}, "its periods"),
@@ -51,17 +56,38 @@ def test_what_makes_no_sense_is_refused(given: dict[str, Any], said: str) -> Non
         Rig(joint_sensor=given)
 
 
-def test_the_simulated_sensor_is_late_and_has_its_rate() -> None:
-    """Without noise and drift its values are the joint's a delay ago, once a period."""
-    model = model_of(JointSensor(**IMU, noise=0.0, drift=0.0), 1.0, 0.0, 0.0)
-    joint, dt = np.sin(0.01 * np.arange(100)), 1e-3
-    state, values = SensorRun(0.0, (0.0,) * 8), []
-    for angle in joint:
-        state, value = sensor_step(model, state, angle, np.zeros(4), dt)
-        values.append(value)
-    came = np.flatnonzero(~np.isnan(values))
-    assert came.tolist() == list(range(10, 100, 10))
-    assert np.array(values)[came] == pytest.approx(joint[came - 10])
+@given(st.integers(2, 30), st.floats(0.0, 6.5), st.tuples(*[st.floats(-2.0, 2.0)] * 4))
+def test_a_value_is_the_joint_a_delay_ago_once_a_period_with_the_sensor_s_errors(
+    half_period: int, late: float, normals: tuple[float, float, float, float]
+) -> None:
+    """Noise, a systematic error that bends over the range, and a drift of one speed since the start."""
+    period, dt, joint = 0.5 * half_period, 1e-3, np.sin(0.01 * np.arange(150))  # the period in cycles
+    delay = round(late * period)
+    model = JointModel(1.0, 0.0, 0.0, 0.1, period * dt, delay * dt, noise=0.1, offset=0.2, drift=3.0)
+    sampled, state = {math.ceil(period * k) for k in range(200)}, SensorRun(0.0, (0.0,) * 8)
+    for k, angle in enumerate(joint):
+        state, value = sensor_step(model, state, angle, np.array(normals), dt)
+        assert math.isnan(value) == (k - delay not in sampled)
+        if not math.isnan(value):
+            true = joint[k - delay]
+            error = 0.1 * normals[0] + math.copysign(3.0, normals[3]) * k * dt
+            error += 0.2 * (normals[1] * math.cos(BENDS * true) + normals[2] * math.sin(BENDS * true))
+            assert value == pytest.approx(true + error)
+    assert math.isnan(sensor_step(model._replace(period=0.0), state, 0.1, np.array(normals), dt)[1])
+
+
+def test_the_sensor_draws_its_noise_in_each_cycle_and_its_other_errors_once_a_run_beside_the_plant_s_own() -> None:
+    inner = Bench(joint_encoder=PAPER_ENCODER)
+    plant = Estimated(inner, JointModel(1.0, 0.0, 0.0, 0.1))
+    own, out, other = np.empty((4000, 2)), np.empty((4000, plant.dynamics().normals)), np.empty((4000, 6))
+    inner.draw(3, own)
+    plant.draw(3, out)
+    plant.draw(4, other)
+    np.testing.assert_array_equal(out[:, :2], own)
+    assert np.ptp(out[:, 3:], axis=0).tolist() == [0.0] * 3
+    assert len({*out[0, 3:], *other[0, 3:]}) == 6
+    assert (out[:, 2].mean(), out[:, 2].std()) == pytest.approx((0.0, 1.0), abs=0.06)
+    assert np.corrcoef(out[:, :3], rowvar=False) == pytest.approx(np.eye(3), abs=0.06)
 
 
 def test_a_law_follows_an_estimate() -> None:
@@ -102,7 +128,25 @@ def test_detectors_of_the_joint_allow_three_standard_deviations() -> None:
     assert joint_doubt(Limits(), seen) == 0.0
 
 
-def test_an_estimated_joint_is_run_on_twins_alone() -> None:
-    require_confirmed(Rig(joint_sensor=IMU))
-    with pytest.raises(SafetyError, match="--twin"):
-        require_confirmed(Rig(joint_sensor=IMU, drive={"interface": "socketcan", "channel": "can0"}))
+def test_a_limit_of_no_uncertainty_is_refused() -> None:
+    with pytest.raises(ParameterError, match="joint_std_deg is 0"):
+        Rig(joint_sensor=IMU, limits=Limits(joint_std=0.0))
+
+
+@pytest.mark.parametrize(
+    ("sensor", "more", "said"),
+    [
+        (IMU, {}, "no angle has been confirmed"),
+        (IMU | {"gives": "quaternion"}, {}, "bowden calibrate joint"),
+        (IMU | {"gives": "quaternion", "axis": (0.0, 1.0, 0.0)}, {}, "no angle has been confirmed"),
+        ({"source": "motor"}, {}, "no angle has been confirmed"),
+        ({"source": "motor"}, {"suit": {"worn": True}}, "a suit means a limb"),
+    ],
+)
+def test_a_real_drive_gets_power_once_its_joint_s_angle_is_calibrated_and_confirmed(
+    sensor: dict[str, Any], more: dict[str, Any], said: str
+) -> None:
+    rig = Rig(joint_sensor=sensor, **more)
+    require_confirmed(rig)  # there is a twin
+    with pytest.raises(SafetyError, match=said):
+        require_confirmed(rig.replace(drive={"interface": "socketcan", "channel": "can0"}))

@@ -2,8 +2,10 @@
 
 import json
 import math
+import os
 import socket
 import time
+import tty
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +99,44 @@ def test_older_samples_and_other_lines_are_left_out() -> None:
     samples.close()
 
 
+def test_a_sender_whose_clock_is_set_back_is_heard_again() -> None:
+    """After one time far ahead, or a new start, not for ever silence."""
+    port = free_port()
+    samples = JointSamples(JointSensor(source="imu", stream=f"udp:{port}"))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for line in (b"5.0 10.0", b"1e9 20.0", b"5.1 30.0", b"5.05 40.0"):
+            sender.sendto(line, ("127.0.0.1", port))
+    assert samples.look() == pytest.approx(math.radians(30.0))
+    samples.close()
+
+
+def test_an_address_of_another_computer_is_refused_with_what_to_write() -> None:
+    with pytest.raises(StreamError, match=r"192\.0\.2\.1.*0\.0\.0\.0"):
+        JointSamples(JointSensor(source="imu", stream="udp:192.0.2.1:5005"))
+
+
+def test_lines_of_a_serial_port_are_put_together_from_pieces() -> None:
+    """What comes in halves is one sample; what is no line, or older, is none."""
+    pytest.importorskip("serial")
+    host, line = os.openpty()
+    tty.setraw(line)
+    samples = JointSamples(JointSensor(source="imu", stream=f"serial:{os.ttyname(line)}"))
+    pieces = ((b"1.0 10", math.nan), (b".0\n", 10.0), (b"ready\n1.5, 20.0\r\n1.4 30.0\n1.6", 20.0), (b" 40\n", 40.0))
+    for piece, angle in pieces:
+        os.write(host, piece)
+        assert samples.look() == pytest.approx(math.radians(angle), nan_ok=True)
+    samples.close()
+    os.close(host)
+    os.close(line)
+
+
+@pytest.mark.parametrize("stream", ["serial:/dev/null/none", "serial:/no/such/port@9600"])
+def test_a_serial_port_that_is_not_there_is_refused(stream: str) -> None:
+    pytest.importorskip("serial")
+    with pytest.raises(StreamError, match=r"cannot be opened.*dialout"):
+        JointSamples(JointSensor(source="imu", stream=stream))
+
+
 def test_a_port_that_is_taken_is_refused() -> None:
     port = free_port()
     samples = JointSamples(JointSensor(source="imu", stream=f"udp:{port}"))
@@ -123,7 +163,7 @@ def test_rates_and_accelerations_become_an_orientation() -> None:
 
 def written(folder: Path, **given: Any) -> Path:
     """A rig with a joint's sensor that sends to a free port."""
-    given = given if given["source"] == "motor" else {**given, "stream": f"udp:{free_port()}"}
+    given = given if given["source"] == "motor" else {"stream": f"udp:{free_port()}", **given}
     Rig(law="bowden", joint_sensor=given, limits=SHARED_LIMITS).write(folder / "rig.toml")
     return folder / "rig.toml"
 
@@ -134,10 +174,11 @@ def written(folder: Path, **given: Any) -> Path:
     [
         {"source": "motor"},
         {"source": "imu"},
+        {"source": "imu", "stream": "serial:/dev/ttyACM9"},
         {"source": "imu", "gives": "quaternion", "bodies": 2, "axis": (0.0, 1.0, 0.0)},
         {"source": "stretch", "curve_values": (900.0, 100.0), "curve_angles": (0.0, 1.5)},
     ],
-    ids=["motor", "imu", "two bodies", "stretch"],
+    ids=["motor", "imu", "serial", "two bodies", "stretch"],
 )
 def test_a_run_on_the_twin_by_an_estimate(given: dict[str, Any], tmp_path: Path) -> None:
     """The joint is where it should be within a degree, and the log has what the sensor said."""

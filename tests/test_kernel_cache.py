@@ -245,7 +245,7 @@ ONE = """
 import sys
 from typing import NamedTuple
 from bowden.core.kernel import compiled
-from bowden.sim.faulty import as_it_is
+from bowden.sim.injected import as_it_is
 
 class Mine(NamedTuple):
     value: float

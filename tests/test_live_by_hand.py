@@ -1,6 +1,9 @@
 """One angle confirmed by hand: wrong scales and directions are found, and no motor gets power before."""
 
+import contextlib
 import math
+import socket
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +18,20 @@ from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power, serial_of
+from bowden.hardware.twin.bench import TwinBench
 from bowden.live.by_hand import SETTLED, confirm, confirmed, contradictions, require_confirmed, require_same, turned
+from bowden.live.joint_estimate import RestingSensor
+from bowden.models.cable.sheath_path import constant_bend
+from bowden.plants.presets.bench import bench
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
-from support.hostile_node import GEAR, SLOPE, Attack, HostileBus
+from support.memory_bus import DriverLoop
 
 pytestmark = pytest.mark.usefixtures("state")
 
 REAL = DriveParameters(interface="socketcan", answer_timeout=0.05)
-NO_FACTORS = Attack(objects=(((0x608F, 1), 0), ((0x6091, 1), 0)))
-"""A drive that does not tell its encoder's counts, as it need not."""
-TRUE = 16384.0
+TRUE, SLOPE = 16384.0, 0.9
+"""Counts a turn, and joint over spool."""
 WRONG: dict[str, dict[str, float]] = {
     "both counts a quarter": {"joint_counts_per_turn": 4 * TRUE, "motor_counts_per_turn": 4 * TRUE},
     "both counts a half": {"joint_counts_per_turn": 2 * TRUE, "motor_counts_per_turn": 2 * TRUE},
@@ -37,10 +43,22 @@ WRONG: dict[str, dict[str, float]] = {
 }
 
 
+class InHand(TwinBench):
+    """A bench without power, whose joint somebody turns."""
+
+    turned = 0.1
+    joint = property(lambda self: self.turned)  # type: ignore[assignment]
+    motor = property(lambda self: self.turned / SLOPE)  # type: ignore[assignment]
+
+
+def in_hand(now: float) -> InHand:
+    return InHand(bench(), constant_bend(0.0), 1.0, 0, 0.0, now)
+
+
 class ByHand:
     """Somebody at the joint, and the clock; `degrees` is what the joint is turned by."""
 
-    def __init__(self, bus: HostileBus, degrees: float, said: str) -> None:
+    def __init__(self, bus: DriverLoop, degrees: float, said: str) -> None:
         self.bus, self.degrees, self.said, self.looks = bus, degrees, said, 0
         self.heard: list[str] = []
 
@@ -48,25 +66,24 @@ class ByHand:
         return round(self.bus.time * SECOND)
 
     def sleep_until(self, deadline: int) -> None:
-        self.bus.pass_time()
+        self.bus.advance(1e-3)
 
     def lines(self) -> str | None:
         self.looks += 1
         if self.looks == 20:
             return "\n"
         if self.looks == 21:
-            counts = TRUE * GEAR / SLOPE
-            self.bus.node.motor += counts * self.degrees / 360.0
+            self.bus.node.bench.turned += self.degrees * RADIANS
         return self.said if self.looks == 60 else None
 
 
 def by_hand(rig: Rig, degrees: float = 45.0, said: str = "45\n") -> tuple[float, float, float]:
-    bus = HostileBus(NO_FACTORS)
+    bus = DriverLoop(REAL, {(0x6065, 0): 1 << 30}, in_hand)
     drive = CanopenDrive(rig.drive_parameters, Links(bus))
     drive.bring_up()
     somebody = ByHand(bus, degrees, said)
     told, before, after = turned(drive, somebody.lines, somebody.heard.append, somebody, 1e-3)
-    assert not bus.node.torque
+    assert not bus.powered
     assert len(somebody.heard) == 2
     drive.close()
     return told, after.joint - before.joint, after.motor - before.motor
@@ -118,7 +135,7 @@ def test_an_angle_that_comes_no_more_is_none_and_a_line_typed_meanwhile_is_kept(
     assert told == pytest.approx(45.0 * RADIANS)
     assert before.joint == 11.0
     late = Late(1000)
-    with pytest.raises(DriveError, match="sends no angle"):
+    with pytest.raises(DriveError, match="no angle of the motor and the joint comes"):
         turned(late, late.lines, lambda _: None, late, 1e-3)  # type: ignore[arg-type]
 
 
@@ -128,6 +145,55 @@ def test_wrong_scales_and_directions_are_found_by_hand(name: str) -> None:
     with pytest.raises(SafetyError, match="encoder"):
         confirm(rig, *by_hand(rig))
     assert not confirmed(rig)
+
+
+class BesideSensor(ByHand):
+    """Somebody at a joint whose sensor sends its angle, too: `gain` times what the joint has turned."""
+
+    def __init__(self, bus: DriverLoop, degrees: float, said: str, port: int, gain: float) -> None:
+        super().__init__(bus, degrees, said)
+        self.to, self.gain = ("127.0.0.1", port), gain
+        self.sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def send(self, degrees: float) -> None:
+        self.sender.sendto(f"{1.0 + self.looks * 1e-3} {self.gain * degrees}".encode(), self.to)
+
+    def lines(self) -> str | None:
+        entered = super().lines()
+        self.send(self.degrees if self.looks >= 21 else 0.0)
+        return self.said if self.looks == 1500 else None if self.looks == 60 else entered
+
+
+@pytest.mark.parametrize(("gain", "right"), [(1.0, True), (1.1, True), (-1.0, False), (0.5, False), (0.0, False)])
+def test_a_sensor_at_the_joint_is_confirmed_by_hand_as_an_encoder_is(gain: float, right: bool) -> None:
+    """Mounted upside down, about another axis, or with a wrong curve it is found."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    rig = Rig(drive=REAL, joint_sensor={"source": "imu", "stream": f"udp:{port}"})
+    bus = DriverLoop(REAL, {(0x6065, 0): 1 << 30}, in_hand)
+    drive = CanopenDrive(rig.drive_parameters, Links(bus))
+    somebody = BesideSensor(bus, 45.0, "45\n", port, gain)
+    threading.Timer(0.1, somebody.send, [0.0]).start()
+    sensor = RestingSensor(rig.joint_sensor, 1e-3)
+    drive.bring_up()
+    told, before, after = turned(drive, somebody.lines, somebody.heard.append, somebody, 1e-3, rig.joint_sensor, sensor)
+    sensor.close()
+    somebody.sender.close()
+    drive.close()
+    with contextlib.nullcontext() if right else pytest.raises(SafetyError, match="its sensor shows"):
+        confirm(rig, told, after.joint - before.joint, after.motor - before.motor)
+    assert confirmed(rig) is right
+    assert not confirmed(rig.replace(joint_sensor=rig.joint_sensor._replace(axis=(1.0, 0.0, 0.0))))
+
+
+def test_a_joint_that_nothing_measures_is_confirmed_by_the_motor() -> None:
+    rig = Rig(drive=REAL, joint_sensor={"source": "motor"})
+    told, _, motor = by_hand(rig)
+    with pytest.raises(SafetyError, match="the motor should have pulled"):
+        confirm(rig, told, math.nan, -motor)
+    confirm(rig, told, math.nan, motor)
+    assert confirmed(rig)
 
 
 def test_a_wrong_slack_sign_is_found_by_hand() -> None:
@@ -169,7 +235,7 @@ def test_no_run_powers_a_motor_that_nobody_has_confirmed(
 
 
 def found_serial(number: int) -> str:
-    drive = CanopenDrive(REAL, Links(HostileBus(Attack(objects=(((0x1018, 4), number),)))))
+    drive = CanopenDrive(REAL, Links(DriverLoop(REAL, {(0x1018, 4): number})))
     drive.bring_up()
     drive.close()
     return serial_of(drive)

@@ -14,7 +14,7 @@ from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
-from bowden.sim.one_run import run_of
+from bowden.sim.rig_runs import run_of
 from support.supervised import Outcome, supervised
 
 REFERENCE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 4.0)

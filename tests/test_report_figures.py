@@ -11,8 +11,8 @@ from bowden.control import LAWS
 from bowden.drawing.style import COLOURS, CYCLE, colours_for, dashes_for, legend, new_figure, stay_near
 from bowden.live.figures import LogFacts, RunStop
 from bowden.records.trace import Trace
-from bowden.report import log_figures, page, simulate_figures
-from bowden.report.log_page import log_page
+from bowden.report import page, simulate_figures
+from bowden.report.log_page import faults_of, log_page, motion, states
 from bowden.report.page import Page
 from bowden.safety.faults import Fault
 from bowden.study.distributions import distribution
@@ -113,8 +113,8 @@ def test_a_log_without_reference_has_no_empty_panel_and_what_was_not_read_yet_is
     faults[500:600] = 2.0
     columns = trace.columns | {"reference": np.full(len(trace), np.nan), "faults": faults}
     log = Trace(columns, trace.units | {"faults": "1"}, trace.settings)
-    assert len(log_figures.motion(log).axes) == 1
-    bands = log_figures.states(log)
+    assert len(motion(log).axes) == 1
+    bands = states(log)
     assert bands is not None
     assert [label.get_text() for label in bands.axes[0].get_yticklabels()] == ["joint jump"]
     assert np.array_equal(log["faults"], faults), "the log is not touched"
@@ -130,7 +130,7 @@ def test_the_speed_of_a_first_reading_is_no_fault() -> None:
     sets[100:110] = 1 << Fault.MOTOR_OVER_SPEED
     time = np.arange(200) * 1e-3
     trace = Trace({"time": time, "faults": sets}, {"time": "s", "faults": "1"}, {"names": {"faults": names}})
-    ((name, there),) = log_figures._faults(trace)
+    ((name, there),) = faults_of(trace)
     assert name == "motor over speed"
     assert there.sum() == 10
 

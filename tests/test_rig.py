@@ -30,7 +30,7 @@ from bowden.rig.rig import Rig
 from bowden.rig.sections import PARTS
 from bowden.rig.settings import EmgSettings
 from bowden.safety.limits import Limits
-from bowden.sim.one_run import run_of
+from bowden.sim.rig_runs import run_of
 from bowden.study.load import load as load_study
 
 MODEL = """

@@ -14,7 +14,7 @@ from bowden.plants.transmission import transmission
 from bowden.plants.user_plant import UserPlant
 from bowden.rig.rig import Rig
 from bowden.sim.many import Case, simulate_many
-from bowden.sim.one_run import run_of
+from bowden.sim.rig_runs import run_of
 from bowden.study.tune_law import workers_for
 
 pytestmark = pytest.mark.usefixtures("undrawn")

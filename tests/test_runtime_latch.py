@@ -15,7 +15,7 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import SafetyError
 from bowden.hardware.drives.families.ak_mit import AkParameters
 from bowden.hardware.drives.families.cia402 import DriveParameters
-from bowden.live import latch_file, thermal_file
+from bowden.live import drive_memory
 from bowden.live.automatic import automatic
 from bowden.live.preflight import Preflight
 from bowden.live.row import AT
@@ -42,12 +42,12 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_two_families_with_one_number_on_one_bus_have_latch_and_warmth_apart() -> None:
     other = AkParameters(interface="socketcan", channel="can0")
     assert other.node_id == REAL.node_id
-    latch_file.write(REAL, FAULTS)
-    assert latch_file.read(other) is None
-    latch_file.write(other, float(2**Fault.SLACK))
-    latch_file.acknowledge(other)
-    assert latch_file.read(REAL) == FAULTS
-    assert thermal_file._path(REAL) != thermal_file._path(other)
+    drive_memory.keep_latch(REAL, FAULTS)
+    assert drive_memory.read_latch(other) is None
+    drive_memory.keep_latch(other, float(2**Fault.SLACK))
+    drive_memory.acknowledge(other)
+    assert drive_memory.read_latch(REAL) == FAULTS
+    assert drive_memory.file_of(REAL, "thermal") != drive_memory.file_of(other, "thermal")
 
 
 def row(mode: Mode, faults: float = 0.0) -> np.ndarray:
@@ -74,10 +74,10 @@ def test_a_disk_that_takes_nothing_holds_up_no_sign_of_life(monkeypatch: pytest.
     monkeypatch.setattr(os, "fsync", lambda handle: takes.wait(10.0))
     session = session_on(REAL)
     see(session, row(Mode.LATCHED, FAULTS))
-    assert latch_file.read(REAL) is None, "not yet"
+    assert drive_memory.read_latch(REAL) is None, "not yet"
     takes.set()
     session._latching.shutdown()
-    assert latch_file.read(REAL) == FAULTS
+    assert drive_memory.read_latch(REAL) == FAULTS
 
 
 def test_a_disk_that_takes_nothing_holds_up_no_end(
@@ -98,24 +98,23 @@ def test_a_disk_that_takes_nothing_holds_up_no_end(
 
 
 def test_it_is_there_from_the_latch_to_the_acknowledgement_whoever_ends_meanwhile() -> None:
-    assert latch_file.read(REAL) is None
+    assert drive_memory.read_latch(REAL) is None
     session = session_on(REAL)
     for mode, kept in ((Mode.RUNNING, None), (Mode.LATCHED, FAULTS), (Mode.LATCHED, FAULTS), (Mode.STOPPED, None)):
         see(session, row(mode, FAULTS))
         session._latching.submit(int).result()
-        assert latch_file.read(REAL) == kept
-    latch_file.write(REAL, FAULTS)  # as the loop's process does at its end
-    assert latch_file.read(REAL._replace(channel="can1")) is None, "another drive"
-    latch_file.write(TWIN, FAULTS)
-    assert latch_file.read(TWIN) is None, "a twin hurts nobody"
+        assert drive_memory.read_latch(REAL) == kept
+    drive_memory.keep_latch(REAL, FAULTS)  # as the loop's process does at its end
+    assert drive_memory.read_latch(REAL._replace(channel="can1")) is None, "another drive"
+    drive_memory.keep_latch(TWIN, FAULTS)
+    assert drive_memory.read_latch(TWIN) is None, "a twin hurts nobody"
 
 
 def test_what_cannot_be_read_is_a_latch(capsys: pytest.CaptureFixture[str]) -> None:
-    latch_file.write(REAL, FAULTS)
-    path = latch_file.latch_path(REAL)
-    assert path is not None
+    drive_memory.keep_latch(REAL, FAULTS)
+    path = drive_memory.file_of(REAL, "latched")
     path.write_text("{")
-    assert latch_file.read(REAL) == 0.0
+    assert drive_memory.read_latch(REAL) == 0.0
     assert "has to be acknowledged" in capsys.readouterr().err
 
 
@@ -126,7 +125,7 @@ def test_what_cannot_be_kept_is_told_and_leaves_nothing(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    latch_file.write(REAL, FAULTS)
+    drive_memory.keep_latch(REAL, FAULTS)
     assert "the fault of this run cannot be stored ([Errno 28] No space left" in capsys.readouterr().err
     assert not [path for path in state.rglob("*") if path.is_file()]
 

@@ -28,8 +28,7 @@ from bowden.live import child, recorder, summary
 from bowden.live.mcap_read import read
 from bowden.live.mcap_recover import recover
 from bowden.live.provenance import rig_revision
-from bowden.live.ring import Batch, Description, RingReader, RingWriter, create
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import Batch, Description, RecorderState, RingReader, RingWriter, create
 from bowden.live.session import Session
 
 pytestmark = pytest.mark.live

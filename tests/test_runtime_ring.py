@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import BowdenError
 from bowden.live import ring
-from bowden.live.ring_status import RecorderState, Report
+from bowden.live.ring import RecorderState, Report
 
 COLUMNS = ("time", "motor", "law.width")
 ABOUT = ring.Description(COLUMNS, ("s", "rad", "1"), {"law": "bowden", "gains": {"a": 1.5}}, 10**18, 5 * 10**9)

@@ -12,7 +12,21 @@ from hypothesis import strategies as st
 from bowden.core.kernel import compiled
 from bowden.core.nested import flat
 from bowden.core.units import RADIANS
-from bowden.sensing.joint_angle import JointEstimate, JointModel, estimate_start, estimate_step
+from bowden.sensing.joint_angle import (
+    CHANGES,
+    CREDIBLE,
+    CREEPS,
+    GATE,
+    LATE,
+    STAYS,
+    TRAVEL,
+    UNSEEN,
+    Covariance,
+    JointEstimate,
+    JointModel,
+    estimate_start,
+    estimate_step,
+)
 
 DT = 1e-3
 ALONE = JointModel(slope=0.9, zero=0.1, play=0.05, error=3.0 * RADIANS)
@@ -55,13 +69,53 @@ def test_the_cable_alone_is_a_play(motors: list[float]) -> None:
         assert abs(state.angle - before.angle) <= abs(ALONE.slope * (motor - ALONE.zero) - before.angle) + 1e-12
 
 
-def test_a_sensor_without_noise_is_followed_with_its_delay_taken_out() -> None:
-    """On a cable whose model is 5° off, 30 ms late: the error is gone within a second and stays so in motion."""
-    model = IMU._replace(delay=0.03, noise=1e-4, drift=0.0)
-    motor = strokes(4000)
-    truth = cable(model, motor) + 5.0 * RADIANS
-    errors = np.array([one.angle for one in followed(model, motor, truth)]) - truth
-    assert np.abs(errors[1000:]).max() < 0.1 * RADIANS
+@given(
+    st.lists(st.floats(-0.1, 0.1), min_size=12, max_size=12),
+    st.floats(0.2, 0.9),
+    st.one_of(st.just(math.nan), st.floats(-1.0, 1.0)),
+    st.floats(0.0, 0.1) | st.just(math.inf),
+)
+def test_a_step_is_kalman_s_prediction_and_correction_of_the_three_errors(
+    drawn: list[float], motor: float, innovation: float, age: float
+) -> None:
+    """Against matrices: f and b are forgotten, d grows by its drift, and a value shows the sum of all three."""
+    model, root, errors = IMU._replace(delay=0.0, offset=0.07), np.reshape(drawn[:9], (3, 3)), np.array(drawn[9:])
+    p = root @ root.T + 1e-4 * np.eye(3)
+    begun = estimate_start(model, 0.5)._replace(age=age, shown=0.02, covariance=Covariance(*p[np.triu_indices(3)]))
+    begun = begun._replace(changing=errors[0], staying=errors[1], sensor=errors[2])
+    still = estimate_step(model, begun, motor, math.nan, DT)
+    keeps = np.array([math.exp(-abs(still.cable - begun.cable) / TRAVEL - DT / CHANGES), math.exp(-DT / CREEPS), 1.0])
+    errors, p = keeps * errors, p * np.outer(keeps, keeps)
+    p += np.diag((1.0 - keeps**2) * np.array([1.0 - STAYS, STAYS, 0.0]) * model.error**2)
+    p[2, 2] = (math.sqrt(p[2, 2]) + model.drift * DT) ** 2
+    after, age, total = estimate_step(model, begun, motor, still.cable + errors.sum() + innovation, DT), age + DT, 0.0
+    taken = innovation**2 <= GATE**2 * (model.error**2 + model.offset**2 + model.noise**2)  # as the first one is judged
+    if taken:
+        total, gain = p.sum() + model.noise**2, p.sum(axis=1) / (p.sum() + model.noise**2)
+        errors, p = errors + gain * innovation, p - np.outer(gain, gain) * total
+        age = 0.0 if age == math.inf else max(0.0, age - 2.0 * model.period)
+    assert (after.changing, after.staying, after.sensor) == pytest.approx(tuple(errors), abs=1e-12)
+    assert after.covariance == pytest.approx(tuple(p[np.triu_indices(3)]), abs=1e-12)
+    assert (after.age, after.expected) == (pytest.approx(age), pytest.approx(total if taken else begun.expected))
+    shown = 0.02 + (errors[0] + errors[1] - 0.02) * DT / model.period
+    assert after.angle == pytest.approx(after.cable + shown, abs=1e-12)
+    doubt = max(0.0, abs(errors[0] + errors[1]) - CREDIBLE * model.error)
+    doubt += UNSEEN * max(0.0, after.age - LATE * model.period)
+    assert after.std == pytest.approx(math.sqrt(p[:2, :2].sum()) + doubt)
+
+
+@given(st.floats(0.0, 69.9), st.sampled_from((-2.0, 0.7, 3.0)))
+@settings(max_examples=20)
+def test_a_sensor_that_shows_the_cable_s_own_joint_a_delay_ago_corrects_nothing(late: float, speed: float) -> None:
+    """Over any delay, in cycles, while the joint goes at one speed."""
+    model = IMU._replace(delay=late * DT)
+    state = estimate_start(model, 0.5)
+    for k in range(200):
+        motor = 0.5 + speed * DT * k
+        shown = state.cable + model.slope * speed * DT * (1.0 - late) if k > 150 else math.nan
+        state = estimate_step(model, state, motor, shown, DT)
+    assert flat(state)[3:8] == pytest.approx((state.angle, 0.0, 0.0, 0.0, 0.0), abs=1e-12)
+    assert state.angle == pytest.approx(model.slope * (motor - model.zero) - math.copysign(model.play, speed))
 
 
 @pytest.mark.parametrize("seed", range(5))

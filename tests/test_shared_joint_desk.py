@@ -20,8 +20,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
-from bowden.design.joint_check import check_joint
-from bowden.design.joint_loops import MotorLoop, cases, joint_margins, joint_poles, reaches
+from bowden.design.joint_check import MotorLoop, cases, check_joint, joint_margins, joint_poles, reaches
 from bowden.design.joint_tune import JointTarget, best_gains, judged_gains
 from bowden.design.linearise import linearise
 from bowden.design.tune import NoGainsError
@@ -416,7 +415,7 @@ def test_a_run_judges_the_joint_and_not_each_motor(
         asked.append((joint.names, len(laws)))
         return SimpleNamespace(holds=False, reason="its motors part", verdict="does_not_hold")
 
-    monkeypatch.setattr("bowden.design.verdict.check_laws", judged)
+    monkeypatch.setattr("bowden.design.other_law.check_laws", judged)
     error = said(capsys, "run", "elbow.toml", "--twin", "--auto", code=2).err
     assert asked == [(("flexor", "extensor"), 2)]
     assert 'joint "elbow": bowden fails the check on elbow.toml: its motors part; check each alone (--motor' in error

@@ -16,10 +16,9 @@ from bowden.models.cable.sheath_path import constant_bend, random_bend
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
 from bowden.sim import many
-from bowden.sim.faulty import SensorFault
-from bowden.sim.injected import Injected
+from bowden.sim.batch import pairwise_sum
+from bowden.sim.injected import Injected, SensorFault
 from bowden.sim.many import Case, Outcome, simulate_many
-from bowden.sim.numpy_sum import pairwise_sum
 from bowden.sim.run import simulate
 from support.sensors import PAPER_ENCODER
 from unseen_cells import case_of, draw

@@ -25,7 +25,7 @@ from bowden.models.cable.sheath import Sheath, joint_in_sheath
 from bowden.models.cable.sheath_path import constant_bend, scripted_bend
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
-from bowden.plants import cable_body, cables, friction_cables
+from bowden.plants import cable_body, cables, friction_cables, predicted
 from bowden.plants.bench import Bench
 from bowden.plants.cable_body import lagged
 from bowden.plants.cable_parameters import MOST_PARAMETERS, check_parameters
@@ -33,7 +33,6 @@ from bowden.plants.cable_plant import CablePlant
 from bowden.plants.counting import Counting
 from bowden.plants.identified import CableModel
 from bowden.plants.plant import SheathState
-from bowden.plants.predicted import joint_along
 from bowden.plants.recounted import recounted
 from bowden.sim.run import simulate
 from support.cable_models import MODELS
@@ -246,10 +245,10 @@ def test_no_model_looks_ahead(name: str) -> None:
     """Where the joint is now hangs on where the motor has been, and not on where it will go."""
     parameters = MODELS.get(name, {"friction": 0.1, "elements": 6.0})
     motor = 0.5 + 0.4 * np.sin(np.linspace(0.0, 9.0, 60))
-    joint = joint_along(name, parameters, motor)
+    joint = CableModel(name, parameters).joint_angle(motor)
     for count in (1, 2, 31):
         other = np.concatenate((motor[:count], motor[count:] + 0.3))
-        assert joint_along(name, parameters, other)[:count] == pytest.approx(joint[:count], abs=1e-12)
+        assert CableModel(name, parameters).joint_angle(other)[:count] == pytest.approx(joint[:count], abs=1e-12)
     assert np.ptp(joint) > 0.3
 
 
@@ -355,7 +354,7 @@ def test_the_plant_of_a_model_is_the_bench_round_the_cable_that_identification_p
     assert plant.sheath == (bench.sheath._replace(loss=0.0) if "bend" in model else bench.sheath)
 
 
-@pytest.mark.parametrize("name", cables.DISTRIBUTED)
+@pytest.mark.parametrize("name", predicted.DISTRIBUTED)
 def test_the_plant_of_a_tendon_leaves_to_it_what_the_sheath_loses(name: str) -> None:
     plant = cables.plant_of_model(name, {"friction": 0.2, "elements": 7.0}, BENCH._replace(sheath=Sheath(loss=0.2)))
     assert plant.sheath == Sheath()
@@ -367,7 +366,7 @@ def test_the_plant_of_a_tendon_leaves_to_it_what_the_sheath_loses(name: str) -> 
         cables.identified(name, {"frictoin": 0.2})
 
 
-@pytest.mark.parametrize("name", [*MODELS, *cables.DISTRIBUTED])
+@pytest.mark.parametrize("name", [*MODELS, *predicted.DISTRIBUTED])
 def test_a_parameter_that_no_cable_has_is_refused_by_its_name(name: str) -> None:
     model = MODELS.get(name) or cables.distributed_parameters(name)
     check_parameters(name, model, "here")

@@ -3,7 +3,6 @@
 import ctypes
 import shutil
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.export.files import files, results_of
-from bowden.export.kinds import Row, Struct, identifier, is_number
-from bowden.export.module import Constant, Module
+from bowden.export.kinds import is_number, numbers
 from bowden.export.readme import FLAGS
-from bowden.export.unit import Unit
+from bowden.export.unit import Constant, Module, Unit
 
 COMPILER = shutil.which("cc")
 Array = NDArray[np.float64]
@@ -36,18 +34,6 @@ void drive(const double *in, long count, double *out)
     }}
 }}
 """
-
-
-def places(kind: Any, way: str) -> Iterator[tuple[str, Any]]:
-    """Every number of a value: how C reaches it, and its kind."""
-    if isinstance(kind, Struct):
-        for name, inner in kind.fields:
-            yield from places(inner, f"{way}.{identifier(name)}")
-    elif isinstance(kind, Row):
-        for k in range(kind.length):
-            yield from places(kind.of, f"{way}.at[{k}]")
-    else:
-        yield way, kind
 
 
 def bits(values: Any) -> NDArray[np.int64]:
@@ -89,10 +75,10 @@ class Exported:
         declared = {called: unit.type(kind) for called, kind in (*given, *results)}
         read, written = [], []
         for called, kind in given:
-            for way, one in places(kind, called) if called != "state" else ():
+            for way, one in numbers(kind, called) if called != "state" else ():
                 read.append(f"        {way} = ({unit.type(one)})*in++;")
         for called, kind in results:
-            written += [f"        *out++ = (double){way};" for way, _ in places(kind, called)]
+            written += [f"        *out++ = (double){way};" for way, _ in numbers(kind, called)]
         self.width = len(written)
         texts = [called if is_number(kind) else f"&{called}" for called, kind in given if called != "state"]
         outs = [f"&got_{called}" for called in public.results if called not in ("state", "return")]

@@ -23,8 +23,7 @@ from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live import control_block, ring
 from bowden.live.control_block import ControlBlock
 from bowden.live.loop import Loop, MotorParts
-from bowden.live.ring import RingReader, RingWriter
-from bowden.live.ring_status import RecorderState, Report
+from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
 from bowden.live.row import AT, columns, description
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.thermal import cold

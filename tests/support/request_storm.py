@@ -15,8 +15,7 @@ from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live import control_block, motor_columns, ring, row
 from bowden.live.control_block import ControlBlock
 from bowden.live.loop import Loop, MotorParts
-from bowden.live.ring import RingReader, RingWriter
-from bowden.live.ring_status import RecorderState, Report
+from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
 from bowden.models.drive.thermal import cold
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Request

@@ -7,17 +7,15 @@ import hmac
 import ipaddress
 import json
 import secrets
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Callable
 from typing import Any
-from urllib.parse import parse_qs
+
+from starlette.datastructures import Headers, QueryParams
+from starlette.requests import ClientDisconnect, Request, cookie_parser
+from starlette.responses import JSONResponse, RedirectResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from bowden.core.errors import BowdenError
-
-Scope = MutableMapping[str, Any]
-Message = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[Message]]
-Send = Callable[[Message], Awaitable[None]]
-Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 COOKIE = "bowden_console_{port}"
 """Name of the session's cookie. Browsers send a host's cookies to each of its ports: each console has its own name."""
@@ -118,7 +116,7 @@ class Guard:
     """
 
     def __init__(
-        self, inner: Application, names: tuple[str, ...], port: int, *, secure: bool, clock: Callable[[], float]
+        self, inner: ASGIApp, names: tuple[str, ...], port: int, *, secure: bool, clock: Callable[[], float]
     ) -> None:
         self.token = secrets.token_urlsafe(32)
         """What the link has."""
@@ -135,19 +133,21 @@ class Guard:
         if scope["type"] == "lifespan":
             await self._inner(scope, receive, send)
             return
+        send = _with_headers(send)
         try:
             cookie = self._check(scope)
-            body = await self._body(scope, receive)
+            body = await _body(scope, receive)
         except Refused as refused:
-            await self._refuse(scope, receive, send, refused)
+            if scope["type"] == "websocket":
+                await receive()
+            await JSONResponse(said(refused), refused.status, {"connection": "close"})(scope, receive, send)
             return
         if cookie:
-            await _answer(send, 303, b"", {"location": "/", "set-cookie": cookie}, "text/plain")
-            return
-        if scope["type"] == "http":
+            await RedirectResponse("/", 303, {"set-cookie": cookie})(scope, receive, send)
+        elif scope["type"] == "http":
             self._going += 1
             try:
-                await self._inner(scope, _given(body, receive), _with_headers(send))
+                await self._inner(scope, _given(body, receive), send)
             finally:
                 self._going -= 1
         else:
@@ -159,20 +159,18 @@ class Guard:
         Raises:
             Refused: anything else.
         """
-        headers: dict[str, list[str]] = {}
-        for name, value in scope["headers"]:
-            headers.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
-        host = headers.get("host", [])
+        headers = Headers(scope=scope)
+        host = headers.getlist("host")
         if len(host) != 1 or not self._known(host[0]):
             raise Refused(421, "this console is not reached by that name", do="open the link that it printed")
         changes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
         if changes:
-            origin, wanted = headers.get("origin", []), f"{'https' if self._secure else 'http'}://{host[0]}".lower()
+            origin, wanted = headers.getlist("origin"), f"{'https' if self._secure else 'http'}://{host[0]}".lower()
             if len(origin) != 1 or origin[0].lower() != wanted:
                 raise Refused(
                     403, "the request comes from another page than the console's", do="open the console's link"
                 )
-        bucket = self._session(headers.get("cookie", []))
+        bucket = self._session(headers.getlist("cookie"))
         if bucket is None:
             return self._stranger(scope)
         stops = scope.get("path") == "/api/stop"
@@ -183,7 +181,7 @@ class Guard:
         if scope["type"] == "http" and changes:
             if scope["method"] != "POST":
                 raise Refused(405, "this method is not known here", expected="GET or POST", do="reload the page")
-            kind = headers.get("content-type", [""])[0].partition(";")[0].strip().lower()
+            kind = headers.get("content-type", "").partition(";")[0].strip().lower()
             if kind != "application/json":
                 raise Refused(
                     415, "the request is no JSON", expected="content-type: application/json", do="reload the page"
@@ -208,19 +206,14 @@ class Guard:
 
     def _session(self, cookies: list[str]) -> Bucket | None:
         """The limit of the session that a cookie names; None where there is none."""
-        found = None
-        for part in ";".join(cookies).split(";"):
-            name, _, value = part.strip().partition("=")
-            if name == self._cookie:
-                given = value.encode("latin-1")
-                for known, bucket in self._sessions.items():  # all of them, in a time that says nothing
-                    if hmac.compare_digest(known, given):
-                        found = bucket
+        found, given = None, cookie_parser(";".join(cookies)).get(self._cookie, "").encode("latin-1", "replace")
+        for known, bucket in self._sessions.items():  # all of them, in a time that says nothing
+            if hmac.compare_digest(known, given):
+                found = bucket
         return found
 
     def _stranger(self, scope: Scope) -> str:
-        query = parse_qs(scope.get("query_string", b"").decode("latin-1"), max_num_fields=8) if _few(scope) else {}
-        token = query.get("token", [""])[0]
+        token = QueryParams(scope["query_string"]).get("token", "")
         if not self._strangers.take(self._clock()):
             raise Refused(429, "too many requests without a session", do="wait a moment, then open the console's link")
         opens = scope["type"] == "http" and scope["method"] == "GET" and scope["path"] == "/"
@@ -237,43 +230,25 @@ class Guard:
         self._sessions[value.encode()] = Bucket(40.0, 120.0)
         return f"{self._cookie}={value}; HttpOnly; SameSite=Strict; Path=/{'; Secure' if self._secure else ''}"
 
-    async def _body(self, scope: Scope, receive: Receive) -> bytes:
-        """The whole body of a request, which is small.
 
-        Raises:
-            Refused: it is not.
-        """
-        if scope["type"] != "http" or scope["method"] != "POST":
-            return b""
-        body = b""
-        while True:
-            message = await receive()
-            if message["type"] != "http.request":
-                raise Refused(400, "the request has no end", do="reload the page")
-            body += message.get("body", b"")
-            if len(body) > LARGEST_BODY:
-                raise Refused(
-                    413, "the request is too large", expected=f"at most {LARGEST_BODY} bytes", do="shorten it"
-                )
-            if not message.get("more_body", False):
-                return body
+async def _body(scope: Scope, receive: Receive) -> bytes:
+    """The whole body of a request, which is small.
 
-    async def _refuse(self, scope: Scope, receive: Receive, send: Send, refused: Refused) -> None:
-        content = json.dumps(said(refused)).encode()
-        if scope["type"] == "http":
-            await _answer(send, refused.status, content, {"connection": "close"}, "application/json")
-            return
-        await receive()
-        if "websocket.http.response" not in scope.get("extensions", {}):
-            await send({"type": "websocket.close", "code": 1008})
-            return
-        headers = [(b"content-type", b"application/json"), (b"content-length", str(len(content)).encode())]
-        await send({"type": "websocket.http.response.start", "status": refused.status, "headers": headers})
-        await send({"type": "websocket.http.response.body", "body": content})
-
-
-def _few(scope: Scope) -> bool:
-    return bytes(scope.get("query_string", b"")).count(b"&") < 8
+    Raises:
+        Refused: it is not.
+    """
+    body = b""
+    if scope["type"] == "http" and scope["method"] == "POST":
+        try:
+            async for piece in Request(scope, receive).stream():
+                body += piece
+                if len(body) > LARGEST_BODY:
+                    raise Refused(
+                        413, "the request is too large", expected=f"at most {LARGEST_BODY} bytes", do="shorten it"
+                    )
+        except ClientDisconnect:
+            raise Refused(400, "the request has no end", do="reload the page") from None
+    return body
 
 
 def _given(body: bytes, receive: Receive) -> Receive:
@@ -300,11 +275,3 @@ def _with_headers(send: Send) -> Send:
         await send(message)
 
     return sent
-
-
-async def _answer(send: Send, status: int, content: bytes, headers: dict[str, str], kind: str) -> None:
-    named = {"content-type": kind, "content-length": str(len(content)), **headers}
-    raw = [(name.encode("latin-1"), value.encode("latin-1")) for name, value in named.items()]
-    sent = _with_headers(send)
-    await sent({"type": "http.response.start", "status": status, "headers": raw})
-    await sent({"type": "http.response.body", "body": content})

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 from bowden.console.earlier import EarlierRuns
 from bowden.console.guided import GuidedPath
 from bowden.console.jobs import Jobs
-from bowden.console.lease import Lease
+from bowden.console.lease import Lease, Stamps
 from bowden.console.runs import RunOwner, RunSeen, TerminalRun
 from bowden.console.settings import RunSettings, shortly
-from bowden.console.stamps import Stamps
-from bowden.console.state import VOLATILE, error_of, finite, gains_of, rig_of, run_of
+from bowden.console.state import VOLATILE, error_of, gains_of, rig_of, run_of
 from bowden.console.stream import Watch
 from bowden.core.clock import SECOND
+from bowden.core.documented import finite
 from bowden.core.errors import BowdenError, ParameterError, SafetyError
-from bowden.design.verdict import CheckVerdict
+from bowden.design.other_law import CheckVerdict
 from bowden.hardware.twin.control import TwinControl
 from bowden.live.gain_check import required
 from bowden.live.live_run import live_run

@@ -5,15 +5,15 @@ import contextlib
 import re
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from bowden.console.access import Refused
 from bowden.console.jobs import Jobs
 from bowden.console.settings import shortly
-from bowden.console.state import finite
 from bowden.console.stream import MOST_COLUMNS, PIXELS
+from bowden.core.documented import finite
 
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}")
 """Of a log without its ending, as an address may have it; and it has to be in the folder."""
@@ -109,15 +109,15 @@ class EarlierRuns:
             await self._jobs.do(work, path=str(log), to=str(to))
         return to
 
-    async def curves(self, name: str, given: dict[str, str]) -> bytes:
+    async def curves(self, name: str, query: Mapping[str, str]) -> bytes:
         """Curves of it as a frame.
 
         Raises:
             Refused: what is asked for cannot be.
         """
-        columns = [one for one in given.get("columns", "").split(",") if one]
+        columns = [one for one in query.get("columns", "").split(",") if one]
         try:
-            begin, end, pixels = (float(given[key]) for key in ("from", "to", "pixels"))
+            begin, end, pixels = (float(query[key]) for key in ("from", "to", "pixels"))
         except (KeyError, ValueError):
             begin = end = pixels = 0.0
         within = 0.0 <= begin < end <= _LONGEST and PIXELS[0] <= pixels <= PIXELS[1]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from bowden.console.access import Refused
 from bowden.console.jobs import Jobs
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.live.live_run import Live
@@ -136,10 +137,14 @@ class GuidedPath:
         self.end(found["said"], [f"{self.folder.name}/{name}" for name in found["files"]])
         return made
 
-    def page(self, step: str) -> Path | None:
-        """The page of a step that is done."""
-        if step not in PAGES or self._steps[step].state != "done":
-            return None
+    def page(self, step: str) -> Path:
+        """The page of a step that is done.
+
+        Raises:
+            Refused: there is none.
+        """
+        if step not in PAGES or self._steps[step].state != "done" or not (self.folder / PAGES[step]).is_file():
+            raise Refused(404, "this step has no page", do="do the step first")
         return self.folder / PAGES[step]
 
     def _named(self, file: Path) -> str:

@@ -23,11 +23,10 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
-from bowden.console.lease import Lease
-from bowden.console.stamps import Stamps
+from bowden.console.lease import Lease, Stamps
 from bowden.core.clock import SECOND, MonotonicClock
 from bowden.core.errors import BowdenError, LogError, SafetyError
 from bowden.core.files import printable
@@ -194,12 +193,16 @@ class RunOwner:
             try:
                 self._see_through(begin, notes)
             except BowdenError as error:
-                self.seen = RunSeen(session=self.seen.session, row=self.seen.row, came=self.seen.came, error=error)
+                self._rest(error)
             except Exception as error:  # the page says so; whoever started the console sees what it was
                 print(f"bowden: the run failed: {type(error).__name__}: {printable(str(error))}", file=sys.stderr)
-                failed = SafetyError("the run failed by an error of the console", do="see the terminal that started it")
-                self.seen = RunSeen(session=self.seen.session, row=self.seen.row, came=self.seen.came, error=failed)
+                self._rest(SafetyError(_BROKEN, do="see the terminal that started it"))
             self._answer_all("the session has ended")
+
+    def _rest(self, error: BowdenError | None, **more: Any) -> None:
+        """No session goes on any more, for a reason or because it has ended; what the last one showed stays."""
+        seen = self.seen
+        self.seen = RunSeen(session=seen.session, row=seen.row, error=error, **{"came": seen.came, **more})
 
     def _see_through(self, begin: Begin, notes: list[str]) -> None:
         error: BowdenError | None = None
@@ -215,14 +218,7 @@ class RunOwner:
         elif session.log_lost:
             error = LogError(session.log_lost)
         self._ended(session)
-        self.seen = RunSeen(
-            session=session,
-            row=self.seen.row,
-            came=dict(session.came),
-            logs=self.seen.logs,
-            lost=self.seen.lost,
-            error=error,
-        )
+        self._rest(error, came=dict(session.came), logs=self.seen.logs, lost=self.seen.lost)
 
     def _operate(self, session: "Session", keep: Callable[[dict[str, float]], None]) -> None:
         """Round after round, until the end is asked for or the loop's process has ended."""
@@ -315,18 +311,8 @@ class RunOwner:
         return why
 
     def _look(self, session: "Session", phase: str, lost: str | None = None) -> RunSeen:
-        row = session.rows.last()
-        newest = self.seen.row if row is None else session.row_of(row)
-        return RunSeen(
-            phase,
-            session,
-            newest,
-            dict(session.came),
-            session.recorder,
-            tuple(path.name for path in session.logs),
-            self.seen.notes,
-            self.seen.lost if lost is None else lost,
-        )
+        found = _looked(session, session.rows, phase, self.seen.notes, self.seen.lost if lost is None else lost)
+        return found if found.row is not None else replace(found, row=self.seen.row)
 
     def _answer_all(self, why: str) -> None:
         while self._stopping:
@@ -359,11 +345,7 @@ class TerminalRun:
     @property
     def seen(self) -> RunSeen:
         """Snapshot of the run."""
-        session = self._session
-        row = self._rows.last()
-        newest = None if row is None else session.row_of(row)
-        logs = tuple(path.name for path in session.logs)
-        return RunSeen("live", session, newest, dict(session.came), session.recorder, logs, self._notes)
+        return _looked(self._session, self._rows, "live", self._notes)
 
     def begin(self, begin: Begin) -> None:
         """Nothing is started here.
@@ -383,9 +365,7 @@ class TerminalRun:
 
     def ask_gain(self, tab: str, name: str, value: float) -> "Future[str]":
         """Nothing is changed here."""
-        answer: Future[str] = Future()
-        answer.set_result(_OF_TERMINAL)
-        return answer
+        return self.ask(tab, Request.NONE)
 
     def end(self) -> None:
         """The terminal ends its run."""
@@ -395,6 +375,14 @@ class TerminalRun:
 
 
 _OF_TERMINAL = "the terminal controls this run"
+_BROKEN = "the run failed by an error of the console"
+
+
+def _looked(session: "Session", rows: RingReader, phase: str, notes: tuple[str, ...], lost: str = "") -> RunSeen:
+    """Snapshot of a session, with the newest of its rows."""
+    row, logs = rows.last(), tuple(path.name for path in session.logs)
+    newest = None if row is None else session.row_of(row)
+    return RunSeen(phase, session, newest, dict(session.came), session.recorder, logs, notes, lost)
 
 
 def _give(asked: _Asked, answer: str) -> None:

@@ -19,7 +19,8 @@ import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from bowden.console.access import LARGEST_BODY, LARGEST_MESSAGE, PAGE_POLICY, Bucket, Guard, Refused, document, said
@@ -33,7 +34,6 @@ from bowden.core.errors import BowdenError, DriveError, ParameterError, SafetyEr
 TAB = "bowden-tab"
 """Header that says which page asks."""
 _STATIC = Path(__file__).parent / "static"
-_TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 _MOST_VIEWERS = 16
 _SLOW = 1.0
 """A viewer whose socket takes nothing for this long is dropped [s]."""
@@ -78,33 +78,27 @@ def application(console: Console) -> Starlette:
 
         return route(path, handler, "POST")
 
+    def got(path: str, find: Callable[[Request], Any]) -> Route:
+        """What a page asks for: a document, the page of a log or a step, or a frame of curves."""
+
+        async def handler(request: Request) -> Response:
+            found = find(request)
+            found = await found if inspect.isawaitable(found) else found
+            if isinstance(found, Path):
+                return FileResponse(found, media_type="text/html", headers={"content-security-policy": PAGE_POLICY})
+            if isinstance(found, bytes):
+                return Response(found, media_type="application/octet-stream")
+            return _json(found)
+
+        return route(path, handler)
+
     async def state(request: Request) -> Response:
         return _json(console.for_viewer(_tab(request)))
-
-    async def path_page(request: Request) -> Response:
-        file = console.path.page(request.path_params["step"])
-        if file is None or not file.is_file():
-            raise Refused(404, "this step has no page", do="do the step first")
-        return FileResponse(file, media_type="text/html", headers={"content-security-policy": PAGE_POLICY})
-
-    async def runs(request: Request) -> Response:
-        return _json(await console.earlier.listed(request.query_params.get("search", "")[:200]))
-
-    async def one_run(request: Request) -> Response:
-        return _json(await console.earlier.details(request.path_params["run"]))
 
     async def download(request: Request) -> Response:
         run, kind = request.path_params["run"], request.path_params["kind"]
         file = await console.earlier.download(run, kind)
         return FileResponse(file, media_type=KINDS[kind], filename=f"{run}.{kind}")
-
-    async def run_page(request: Request) -> Response:
-        file = await console.earlier.page(request.path_params["run"])
-        return FileResponse(file, media_type="text/html", headers={"content-security-policy": PAGE_POLICY})
-
-    async def curves(request: Request) -> Response:
-        frame = await console.earlier.curves(request.path_params["run"], dict(request.query_params))
-        return Response(frame, media_type="application/octet-stream")
 
     async def stream(socket_: WebSocket) -> None:
         await _stream(console, socket_)
@@ -112,10 +106,12 @@ def application(console: Console) -> Starlette:
     def route(path: str, handler: Handler, method: str = "GET") -> Route:
         return Route(path, _explained(handler), methods=[method])
 
+    earlier = console.earlier
+
     return Starlette(
         routes=[
             route("/", _page),
-            route("/static/{name}", _file),
+            Mount("/static", StaticFiles(directory=_STATIC)),
             route("/api/state", state),
             posted("/api/control", lambda tab, given: console.control(tab, given.get("take"))),
             posted("/api/settings", lambda _, given: console.change(given), controls=True),
@@ -125,12 +121,12 @@ def application(console: Console) -> Starlette:
             posted("/api/gain", lambda tab, given: console.set_gain(tab, given.get("name"), given.get("value"))),
             posted("/api/inject", lambda _, given: console.inject(given.get("fault")), controls=True),
             posted("/api/path", lambda tab, given: console.step(tab, given.get("step"))),
-            route("/api/path/{step}.html", path_page),
-            route("/api/runs", runs),
-            route("/api/runs/{run}", one_run),
+            got("/api/path/{step}.html", lambda asked: console.path.page(asked.path_params["step"])),
+            got("/api/runs", lambda asked: earlier.listed(asked.query_params.get("search", "")[:200])),
+            got("/api/runs/{run}", lambda asked: earlier.details(asked.path_params["run"])),
             route("/api/runs/{run}/log.{kind}", download),
-            route("/api/runs/{run}/page.html", run_page),
-            route("/api/runs/{run}/curves", curves),
+            got("/api/runs/{run}/page.html", lambda asked: earlier.page(asked.path_params["run"])),
+            got("/api/runs/{run}/curves", lambda asked: earlier.curves(asked.path_params["run"], asked.query_params)),
             WebSocketRoute("/stream", stream),
         ],
         lifespan=lifespan,
@@ -171,19 +167,7 @@ async def _failed(request: Request, error: Exception) -> Response:
 
 
 async def _page(request: Request) -> Response:
-    return _static("index.html")
-
-
-async def _file(request: Request) -> Response:
-    return _static(request.path_params["name"])
-
-
-def _static(name: str) -> Response:
-    """A file of the page; none but those that are there, by their names."""
-    there = {one.name: one for one in _STATIC.iterdir()} if _STATIC.is_dir() else {}
-    if name not in there or there[name].suffix not in _TYPES:
-        raise Refused(404, "there is nothing under this address", do="open the console's page")
-    return Response(there[name].read_bytes(), media_type=_TYPES[there[name].suffix])
+    return FileResponse(_STATIC / "index.html")
 
 
 async def _stream(console: Console, page: WebSocket) -> None:

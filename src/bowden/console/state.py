@@ -13,7 +13,7 @@ from bowden.core.signals import DriveState
 from bowden.hardware.twin.injection import KINDS, SIDES
 from bowden.live.gain_ramp import in_force
 from bowden.live.preflight import REASONS, Reason
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import RecorderState
 from bowden.live.stops import remedy_of
 from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
@@ -45,15 +45,6 @@ _NEXT = {
     Mode.RELEASING: "the cable is being let out",
     Mode.LATCHED: "correct the cause, then acknowledge",
 }
-
-
-def finite(value: Any) -> Any:
-    """A value for JSON: None in place of a number that JSON does not have."""
-    if isinstance(value, Mapping):
-        return {key: finite(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def error_of(error: BowdenError | None) -> dict[str, str] | None:

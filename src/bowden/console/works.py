@@ -52,21 +52,16 @@ def details(progress: Progress, path: str) -> dict[str, Any]:
     from bowden.console.stream import curves_of
     from bowden.live.log_facts import NEEDED, facts
     from bowden.live.mcap_read import read
-    from bowden.live.stops import stops
-    from bowden.safety.faults import OF_OTHERS
+    from bowden.live.stops import stops_of_each
 
     found = read(Path(path), (*NEEDED, "temperature"))
     said = facts(found)
     begin = said.begin_s or 0.0
-    first = min(
-        ((name, stop) for name, part in found.parts.items() for stop in stops(part)[:1]),
-        key=lambda one: (one[1].time, {*one[1].causes} <= {*OF_OTHERS}),
-        default=None,
-    )
-    faults = []
-    if first is not None:
-        motor, stop = first
-        faults = [fault_of(fault, stop.time, motor=motor, emg=stop.emg) for fault in (*stop.causes, *stop.consequences)]
+    faults = [
+        fault_of(fault, first.time, motor=first.motor, emg=first.emg)
+        for first in stops_of_each(found)[:1]
+        for fault in (*first.causes, *first.consequences)
+    ]
     whole = _summary(said)
     names, units = list(said.columns), list(said.columns.values())
     return {
@@ -103,8 +98,7 @@ def curves(progress: Progress, path: str, columns: Sequence[str], begin: float, 
 
     from bowden.console.stream import WHOLE, curves_of, packed, reduced, taken
     from bowden.core.errors import LogError
-    from bowden.live.mcap_read import read
-    from bowden.live.mcap_reader import LogReader
+    from bowden.live.mcap_read import LogReader, read
 
     log = LogReader(Path(path), ("time",))
     named = dict(zip(json.loads(log.about["columns"]), json.loads(log.about["units"]), strict=True))

@@ -63,7 +63,7 @@ class UltimateBounds(NamedTuple):
 )
 @signed
 @dataclass(frozen=True, repr=False)
-class Law:
+class Law(shown.Shown):
     """A control law with its gains; it can be used alone, without a rig or a simulation.
 
     >>> from bowden.control import LAWS
@@ -219,12 +219,8 @@ class Law:
         """Column → unit of its state, as traces and logs have it: ``law.<field>``, ``law.<part>.<field>``."""
         return columns(self.start(Sample(0.0, 0.0)), "law", self.state_units)
 
-    def __repr__(self) -> str:
-        """One screen: the name, the gains, what it takes from a rig, its presets and where it comes from."""
-        return shown.screen(f"Law {self.name}", self._rows())
-
-    def _repr_html_(self) -> str:
-        return shown.fragment(f"Law {self.name}", self._rows())
+    def _title(self) -> str:
+        return f"Law {self.name}"
 
     def _rows(self) -> list[tuple[str, str]]:
         gains = ", ".join(f"{name} {value:.4g}" for name, value in self.numbers.items())

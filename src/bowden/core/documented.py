@@ -1,6 +1,17 @@
 """A dataclass of figures whose texts under its fields are their descriptions in a JSON schema."""
 
+import math
+from collections.abc import Mapping
 from typing import Any, ClassVar
+
+
+def finite(value: Any) -> Any:
+    """A value for JSON: None in place of a number that JSON does not have."""
+    if isinstance(value, Mapping):
+        return {key: finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class Documented:

@@ -10,9 +10,8 @@ from bowden.core.guesses import answering
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.limit_cycle import LimitCycle
 from bowden.design.trial import Trial
-from bowden.drawing import shown
-from bowden.drawing.shown import listed, number
-from bowden.drawing.style import COLOURS, CYCLE, legend, new_figure
+from bowden.drawing.shown import Panels, Plotted, listed, number
+from bowden.drawing.style import COLOURS, CYCLE, legend
 from bowden.plants.trust import Trust
 
 if TYPE_CHECKING:
@@ -86,8 +85,10 @@ class SharedFindings(NamedTuple):
     "change the rig, and check it again",
 )
 @dataclass(frozen=True, repr=False)
-class Check:
-    """What was found."""
+class Check(Plotted):
+    """What was found; drawn, the phase margin over the gain margin of every linear loop, little of either shaded."""
+
+    _panels = Panels(1, 1, 4.5, 3.4)
 
     law: str
     """Name of the law that was judged."""
@@ -168,30 +169,14 @@ class Check:
         """True if the trials swing at rest by at least a quarter of what is predicted; None without a prediction."""
         return confirmed_by(self.cycle, self.swing)
 
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw phase margin over gain margin of every linear loop; little of either is shaded.
+    def _title(self) -> str:
+        return f"Check of {self.law}"
 
-        Args:
-            axes: matplotlib's; a new figure is made where they are not given.
+    def _rows(self) -> list[tuple[str, str]]:
+        return check_rows(self)
 
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes.
-        """
-        drawn = shown.axes_for(axes, 1, 1, 4.5, 3.4)
-        draw_check(drawn[0], self)
-        return drawn
-
-    def __repr__(self) -> str:
-        """One screen: the verdict and its reason, margins, limit cycle, chatter, errors and advice."""
-        return shown.screen(f"Check of {self.law}", check_rows(self))
-
-    def _repr_html_(self) -> str:
-        figure, axes = new_figure(width=4.5, height=3.4)
+    def _draw(self, axes: "Sequence[Axes]") -> None:
         draw_check(axes[0], self)
-        return shown.fragment(f"Check of {self.law}", check_rows(self), figure)
 
     def _least(self, values: Iterable[float | None]) -> float | None:
         there = [value for value in values if value is not None]

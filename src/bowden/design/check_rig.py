@@ -9,7 +9,7 @@ from bowden.rig.drive import SURE_INTEGRAL
 from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
 from bowden.sim import ranges
-from bowden.sim.joint_of_rig import cabled_joint_of, joint_ranges
+from bowden.sim.rig_runs import cabled_joint_of, joint_ranges
 
 if TYPE_CHECKING:
     from bowden.design.check_result import Check

@@ -17,7 +17,7 @@ from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.sim import ranges
-from bowden.sim.one_run import run_of
+from bowden.sim.rig_runs import run_of
 from bowden.sim.run import simulate
 
 Array = NDArray[np.float64]

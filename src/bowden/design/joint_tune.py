@@ -1,6 +1,6 @@
 """Gains for all motors of a joint: found for each motor and its cable, judged on the joint that they share.
 
-The loop of two like motors is that of one with the slope 2k·σ/(2k + s) (`bowden.design.joint_loops`), which is σ but
+The loop of two like motors is that of one with the slope 2k·σ/(2k + s) (`bowden.design.joint_check`), which is σ but
 for the load's spring s. So gains that keep their margins on one motor's cable are what there is to begin with, and a
 search on the joint itself would look where the other has looked, at twice the price. What differs (the other cables,
 all bends, the motors that may part) is judged on the joint: the margins of all commands together, the trials, and the

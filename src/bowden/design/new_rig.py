@@ -10,7 +10,7 @@ from bowden.core.units import RADIANS
 from bowden.design.other_law import OURS, chosen_law
 from bowden.design.rig_of_model import Chosen, counting_of, model_text, with_stroke
 from bowden.design.rig_of_suit import suit_text
-from bowden.drawing import shown
+from bowden.drawing.shown import Shown
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.trust import Trust
 from bowden.rig.counts import guessed
@@ -23,7 +23,7 @@ from bowden.rig.rig import Rig
     lambda made, name: f"made.rig.{name}" if hasattr(Rig, name) else "",
 )
 @dataclass(frozen=True, repr=False)
-class NewRig:
+class NewRig(Shown):
     """A rig round an identified cable."""
 
     rig: Rig
@@ -74,13 +74,6 @@ class NewRig:
     def _gains(self) -> str:
         given = ", ".join(f"{name} = {value:.3g}" for name, value in self.rig.gains.items())
         return f" with {given}" if given else ""
-
-    def __repr__(self) -> str:
-        """One screen: reference, law and why, and how angles are counted."""
-        return shown.screen(self._title(), self._rows())
-
-    def _repr_html_(self) -> str:
-        return shown.fragment(self._title(), self._rows())
 
     def _title(self) -> str:
         return f"New rig {self.rig.hash}"

@@ -39,14 +39,15 @@ from bowden.design.tune_judge import (
     shortfall_on_the_way,
 )
 from bowden.design.tune_result import REACH, Tuning
-from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_of
+from bowden.models.drive.servo import Servo
 from bowden.plants.knowledge_of import knowledge_of, with_loop
-from bowden.plants.plant import Plant
+from bowden.plants.plant import Plant, changed
 from bowden.plants.suit_parts import Suit
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
+
 
 GENERATIONS = 32
 """Of the search, where no other number is given and the clock is 1 kHz."""
@@ -405,8 +406,8 @@ class _Search:
         """The smallest change of delay, cycle, damping or frequency for which gains hold that a search begins with."""
         bench, limit = self.rig.bench, self.still()
         for factor in _TRIED_FACTORS:
-            for said, changed in easier(bench, factor):
-                rig, base = self.rig._replace(bench=changed), informed(self.law, with_loop(self.known, changed))
+            for said, other in easier(bench, factor):
+                rig, base = self.rig._replace(bench=other), informed(self.law, with_loop(self.known, other))
                 tasks = [
                     self._task(self._law(point, base), limit)._replace(rig=rig, runs=NineRuns(rig))
                     for point in self._begun()
@@ -432,3 +433,33 @@ def lacking(found: Check) -> str:
     margins = [f"{value:.3g}{unit}" for value, unit in ((gain, " dB"), (phase, "°")) if value is not None]
     said = found.verdict.replace("_", " ")
     return f"have {' and '.join(margins)} ({said})" if margins else f"fail, since {found.reason}"
+
+
+SHORTEST = 1e-3
+"""Cycle that a rig is sent to, which the live loop keeps on a common computer [s]."""
+
+
+def easier(bench: Plant, factor: float) -> Iterable[tuple[str, Plant]]:
+    """The bench with a shorter delay, a shorter cycle, more damping and a faster servo, each as its key of rig.toml."""
+    omega, damping = bench.servo.natural_frequency, bench.servo.damping
+    if bench.delay:
+        delay = int(bench.delay / factor)
+        yield f"delay_cycles = {delay}", changed(bench, delay=delay)
+    if bench.sample_time > SHORTEST:
+        cycle = max(float(f"{bench.sample_time / factor:.3g}"), SHORTEST)
+        yield f"sample_time_ms = {1e3 * cycle:.3g}", changed(bench, sample_time=cycle)
+    if damping < 1.0:
+        more = min(factor * damping, 1.0)
+        yield f"damping = {more:.3g}", _with_servo(bench, bench.servo._replace(damping=more))
+    hertz = factor * omega / (2.0 * np.pi)
+    yield (
+        f"natural_frequency_hz = {hertz:.3g}",
+        _with_servo(bench, bench.servo._replace(natural_frequency=factor * omega)),
+    )
+
+
+def _with_servo(bench: Plant, servo: Servo) -> Plant:
+    """The plant with another servo; a suit's is its motor's."""
+    if isinstance(bench, Suit):
+        return bench._replace(motor=bench.motor._replace(servo=servo))
+    return changed(bench, servo=servo)

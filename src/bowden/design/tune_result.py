@@ -9,9 +9,8 @@ from bowden.control.law import Law
 from bowden.core.errors import ParameterError
 from bowden.core.units import DEGREES
 from bowden.design.check_result import Check, milliseconds, no_margins
-from bowden.drawing import shown
-from bowden.drawing.shown import listed, number
-from bowden.drawing.style import COLOURS, CYCLE, new_figure
+from bowden.drawing.shown import Panels, Plotted, listed, number
+from bowden.drawing.style import COLOURS, CYCLE
 from bowden.plants.trust import Trust
 from bowden.rig import rig as rigs
 
@@ -24,8 +23,10 @@ REACH = 8.0
 
 
 @dataclass(frozen=True, repr=False)
-class Tuning:
-    """The gains that were found, and the evidence."""
+class Tuning(Plotted):
+    """The gains that were found, and the evidence; drawn, by how much each changed, and the largest errors."""
+
+    _panels = Panels(1, 2, 7.0, 3.0)
 
     law: Law
     """With the new gains."""
@@ -110,30 +111,14 @@ class Tuning:
                     "there"
                 )
 
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw by how much each gain changed and, on second axes, the largest error before and after.
+    def _title(self) -> str:
+        return f"Tuning of {self.law.name}"
 
-        Args:
-            axes: matplotlib's, one or two; a new figure is made where they are not given.
+    def _rows(self) -> list[tuple[str, str]]:
+        return tuning_rows(self)
 
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes.
-        """
-        drawn = shown.axes_for(axes, 1, 2, 7.0, 3.0)
-        draw_tuning(drawn, self)
-        return drawn
-
-    def __repr__(self) -> str:
-        """One screen: the gains that changed, margins, and the largest error before and after."""
-        return shown.screen(f"Tuning of {self.law.name}", tuning_rows(self))
-
-    def _repr_html_(self) -> str:
-        figure, axes = new_figure(1, 2, height=3.0)
+    def _draw(self, axes: "Sequence[Axes]") -> None:
         draw_tuning(axes, self)
-        return shown.fragment(f"Tuning of {self.law.name}", tuning_rows(self), figure)
 
 
 _NEAR = 0.95

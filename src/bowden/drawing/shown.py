@@ -5,12 +5,11 @@ import html
 import shutil
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from bowden.core.errors import ParameterError, article
-from bowden.drawing import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +23,77 @@ _MOST_LINES = 4
 _IDS = "shown-ids-"
 _NOTHING = 1e-9
 """A figure below this is rounding."""
+
+
+class Panels(NamedTuple):
+    """The axes on which a result is drawn."""
+
+    rows: int
+    columns: int
+    width: float
+    """Of the figure [inch]."""
+    height: float
+    """Of the figure [inch]."""
+
+
+class Shown:
+    """A result that shows itself: one screen of text in a terminal, a table in a notebook."""
+
+    def _title(self) -> str:
+        raise NotImplementedError
+
+    def _rows(self) -> Rows:
+        raise NotImplementedError
+
+    def _picture(self) -> "Figure | None":
+        """Stands below the table."""
+        return None
+
+    def __repr__(self) -> str:
+        return screen(self._title(), self._rows())
+
+    def _repr_html_(self) -> str:
+        return fragment(self._title(), self._rows(), self._picture())
+
+
+class Plotted(Shown):
+    """A result that can be drawn, too; its picture is of all its panels."""
+
+    _panels: ClassVar[Panels]
+
+    def _draw(self, axes: "Sequence[Axes]") -> None:
+        """Draw on one pair of axes, or on those of all panels."""
+        raise NotImplementedError
+
+    def _drawable(self) -> bool:
+        """True if a table of it has a picture."""
+        return True
+
+    def _picture(self) -> "Figure | None":
+        if not self._drawable():
+            return None
+        from bowden.drawing import style
+
+        rows, columns, width, height = self._panels
+        figure, axes = style.new_figure(rows, columns, width, height, share_x=True)
+        self._draw(axes)
+        return figure
+
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw it; what is drawn, its class says.
+
+        Args:
+            axes: matplotlib's, one or as many as are made; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes, or nothing that can be drawn.
+        """
+        found = axes_for(axes, *self._panels)
+        self._draw(found)
+        return found
 
 
 def screen(title: str, rows: Rows) -> str:
@@ -82,6 +152,8 @@ def table(title: str, names: Sequence[str], rows: Iterable[Sequence[str]], figur
 
 def _svg(figure: "Figure") -> str:
     """A figure whose ids are its own on any page, and the same whenever it is drawn."""
+    from bowden.drawing import style
+
     text = style.svg(figure, _IDS)
     return text.replace(_IDS, f"shown-{hashlib.sha256(text.encode()).hexdigest()[:12]}-")
 
@@ -105,6 +177,8 @@ def axes_for(
 
     if given is None:
         from matplotlib import pyplot
+
+        from bowden.drawing import style
 
         with style.drawing():
             _, made = pyplot.subplots(

@@ -2,16 +2,14 @@
 
 import itertools
 import textwrap
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import jinja2
 
 from bowden.export.function import called
-from bowden.export.kinds import Kind, Row, Struct, comment, identifier, is_number
-from bowden.export.module import Constant, Module, Public
-from bowden.export.unit import LONGEST, Unit
+from bowden.export.kinds import Kind, comment, identifier, is_number, numbers, within
+from bowden.export.unit import LONGEST, Constant, Module, Public, Unit
 
 
 def files(module: Module, preamble: str, *, single: bool = False) -> dict[str, str]:
@@ -25,26 +23,26 @@ def files(module: Module, preamble: str, *, single: bool = False) -> dict[str, s
     functions = []
     for one in module.functions:
         kinds = [kind for name, kind in one.kinds.items() if not isinstance(one.given.get(name), Constant)]
-        header |= {unit.type(inner) for kind in (*kinds, *results_of(unit, one)[1]) for inner in _within(kind)}
+        header |= {unit.type(part) for kind in (*kinds, *results_of(unit, one)[1]) for _, part in within(kind)}
         functions.append(_public(unit, one))
     types = [[text for name, text in unit.types.items() if (name in header) is public] for public in (True, False)]
-    numbers = "\n".join(
+    defined = "\n".join(
         f"#define {identifier(f'{module.prefix}_{name}').upper()} {unit.number(value)}{comment(said)}"
         for name, (value, said) in module.numbers.items()
     )
-    bodies = ["\n\n".join(unit.constants.values()), *unit.helpers.values(), *unit.functions.values()]
     words = {
         "head": f"/* {module.title}\n *\n * {preamble}\n */",
         "prefix": module.prefix,
-        "guard": f"{module.prefix.upper()}_H",
         "real": unit.real,
-        "prototypes": [prototype for prototype, _ in functions],
+        "helpers": unit.helpers,
+        "kernels": unit.functions.values(),
+        "functions": functions,
     }
-    texts = {
-        f"{module.prefix}.h": rendered("module.h", **words, parts=[numbers, *types[0]]),
-        f"{module.prefix}.c": rendered("module.c", **words, parts=[*types[1], *bodies, *map("\n".join, functions)]),
+    parts = {"h": [defined, *types[0]], "c": [*types[1], "\n\n".join(unit.constants.values())]}
+    texts = {end: rendered(f"module.{end}", **words, parts=some).split("\n") for end, some in parts.items()}
+    return {
+        f"{module.prefix}.{end}": "\n".join(row for line in text for row in broken(line)) for end, text in texts.items()
     }
-    return {name: "\n".join(row for line in text.split("\n") for row in broken(line)) for name, text in texts.items()}
 
 
 def rendered(file: str, /, **words: Any) -> str:
@@ -54,59 +52,40 @@ def rendered(file: str, /, **words: Any) -> str:
     return f"{page.render(**words).rstrip()}\n"
 
 
-def _within(kind: Kind) -> Iterator[Kind]:
-    """A kind, and all those that it is made of."""
-    yield kind
-    for inner in [kind.of] if isinstance(kind, Row) else [one for _, one in getattr(kind, "fields", ())]:
-        yield from _within(inner)
-
-
 def results_of(unit: Unit, one: Public) -> tuple[str, list[Kind], Kind]:
     """The kernel's name, and the kinds of its results, apart and as a whole."""
     name, result = called(unit, one.kernel, tuple(one.kinds.values()))
     return name, [result] if len(one.results) == 1 else [kind for _, kind in result.fields], result
 
 
-def _public(unit: Unit, one: Public) -> tuple[str, str]:
-    """Prototype and body of a function that others call: the state first, then what is read, then what is written."""
+def _public(unit: Unit, one: Public) -> dict[str, str]:
+    """Head and body of a function that others call: the state first, then what is read, then what is written."""
     name, kinds, result = results_of(unit, one)
-    results = {to: unit.type(kind) for to, kind in zip(one.results, kinds, strict=True)}
-    returned = results.pop("return", "void")
-    read, given = [], []
+    read, given, several = list[str](), list[str](), len(kinds) > 1
     for argument, kind in one.kinds.items():
         text, mark, value = identifier(argument), "" if is_number(kind) else "*", one.given.get(argument)
         if isinstance(value, Constant):
-            text = unit.constant("", argument, value.value, value.said)
-            given.append(f"{mark and '&'}{text}")
-            continue
-        given.append(text)
-        if argument != "state":
+            text = f"{mark and '&'}{unit.constant('', argument, value.value, value.said)}"
+        elif argument != "state":
             read.append(f"const {unit.type(kind)} {mark}{text}")
-    written = [f"{type_} *{to}" for to, type_ in results.items()]
-    first = int("state" in results)
-    signature = ", ".join([*written[:first], *read, *written[first:]]) or "void"
-    call = f"{name}({', '.join(given)})"
-    if len(one.results) == 1:
-        lines = [f"return {call};" if one.results == ("return",) else f"*{one.results[0]} = {call};"]
-    else:
-        lines, last = [f"const {unit.type(result)} result = {call};", ""], []
-        for to, (part, kind) in zip(one.results, result.fields, strict=True):
-            if to == "state":  # number by number, so that the compiler keeps them in registers
-                lines += [f"state->{way} = result.{part}.{way};" for way in _ways(kind)]
-            elif to == "return":
-                last = [f"return result.{part};"]
-            else:
-                lines.append(f"*{to} = result.{part};")
-        lines += last
-    body = "\n".join(f"    {line}" if line else "" for line in lines)
-    return f"/* {one.summary} */\n{returned} {unit.prefix}_{one.name}({signature})", f"{{\n{body}\n}}"
-
-
-def _ways(kind: Kind) -> list[str]:
-    """How C reaches each number of a struct."""
-    if not isinstance(kind, Struct):
-        return [""]
-    return [f"{identifier(name)}.{way}".rstrip(".") for name, inner in kind.fields for way in _ways(inner)]
+        given.append(text)
+    call, returned = f"{name}({', '.join(given)})", "void"
+    lines = [f"const {unit.type(result)} result = {call};", ""] if several else []
+    first, written, last = list[str](), list[str](), list[str]()
+    for to, kind, part in zip(one.results, kinds, getattr(result, "fields", "?"), strict=False):
+        source = f"result.{part[0]}" if several else call
+        if to == "return":
+            returned, last = unit.type(kind), [f"return {source};"]
+            continue
+        (first if to == "state" else written).append(f"{unit.type(kind)} *{to}")
+        if to == "state" and several:  # number by number, so that the compiler keeps them in registers
+            ways = dict.fromkeys(way.partition(".at[")[0] for way, _ in numbers(kind))
+            lines += [f"state->{way[1:]} = {source}{way};" for way in ways]
+        else:
+            lines.append(f"*{to} = {source};")
+    signature = ", ".join([*first, *read, *written]) or "void"
+    body = "\n".join(f"    {line}" if line else "" for line in (*lines, *last))
+    return {"summary": one.summary, "head": f"{returned} {unit.prefix}_{one.name}({signature})", "body": body}
 
 
 def broken(line: str) -> list[str]:

@@ -24,7 +24,6 @@ from bowden.export.kinds import (
     Row,
     Struct,
     annotated,
-    comments,
     hints_of,
     identifier,
     is_enum,
@@ -97,53 +96,39 @@ class Expression:
 
 def called(unit: Unit, function: Any, kinds: tuple[Kind, ...]) -> tuple[str, Kind]:
     """The name of a kernel for arguments of these kinds, and the kind of its result; it is written if it is new."""
-    parts = reaching(function, unit.module.parts)
-    key = function, kinds, parts
+    key = function, kinds, reaching(function, unit.module.parts)
     if key not in unit.made:
         name = identifier(function.__name__)
         if name in unit.functions or name in unit.helpers:
             name = f"{function.__module__.rpartition('.')[2]}_{name}"
-        name = unused(name, {*unit.functions, *unit.module.public})
+        name = unused(name, {*unit.functions, *(f"{unit.prefix}_{one.name}" for one in unit.module.functions)})
         unit.functions[name], unit.made[key] = "", None
-        made = Function(unit, function, kinds, name, dict(parts))
+        made = Function(unit, function, kinds, name)
         text = made.written()
         del unit.functions[name]  # so that it comes behind those that it calls
         unit.functions[name], unit.made[key] = text, (name, made.result)
-    found = unit.made[key]
-    if found is None:
-        code = function.__code__
-        raise ParameterError(
-            f"{code.co_filename}, line {code.co_firstlineno}: {function.__name__} calls itself",
-            do="write it as a loop over a fixed range: for i in range(n)",
-        )
+    if (found := unit.made[key]) is None:
+        where = f"{function.__code__.co_filename}, line {function.__code__.co_firstlineno}"
+        do = "write it as a loop over a fixed range: for i in range(n)"
+        raise ParameterError(f"{where}: {function.__name__} calls itself", do=do)
     return found
 
 
 class Function:
-    """A kernel for arguments of certain kinds.
+    """A kernel of a unit, for arguments of certain kinds, under its name in C."""
 
-    Args:
-        unit: that it becomes a part of.
-        function: the kernel.
-        kinds: of its arguments.
-        name: in C.
-        parts: what stands for the placeholders that it reaches.
-    """
-
-    def __init__(
-        self, unit: Unit, function: FunctionType, kinds: tuple[Kind, ...], name: str, parts: dict[str, Any]
-    ) -> None:
-        self.unit, self.function, self.name, self.parts = unit, function, name, parts
+    def __init__(self, unit: Unit, function: FunctionType, kinds: tuple[Kind, ...], name: str) -> None:
+        self.unit, self.function, self.name = unit, function, name
+        self.parts = dict(reaching(function, unit.module.parts))
         self.source = KernelSource(function)
         self.refused = self.source.refused
         self.kinds: dict[str, Kind] = dict(zip(inspect.signature(function).parameters, kinds, strict=True))
         self.parameters = tuple(self.kinds)
         self.result: Kind = None
         nodes = [node for one in self.source.body for node in ast.walk(one)]
-        stores = (node for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store))
-        self.assigned = Counter(node.id for node in stores)
+        names = [node for node in nodes if isinstance(node, ast.Name)]
+        self.assigned = Counter(node.id for node in names if isinstance(node.ctx, ast.Store))
         """Name of a local → how often it is assigned."""
-        self.assigned.update(ast.unparse(node.target) for node in nodes if isinstance(node, ast.AugAssign))
         loops = [node.target for node in nodes if isinstance(node, ast.For) and isinstance(node.target, ast.Name)]
         counters = Counter(one.id for one in loops)
         for one in loops:
@@ -155,7 +140,6 @@ class Function:
         self.pointers = {name for name, kind in self.kinds.items() if not is_number(kind)}
         """Arguments that are handed over as pointers, and locals that are another name of what stands elsewhere."""
         self._at: ast.stmt | None = None
-        self._commented = 0
 
     def written(self) -> str:
         """The whole function."""
@@ -166,12 +150,7 @@ class Function:
         given = ", ".join(self._parameter(name) for name in self.parameters) or "void"
         head = f"static inline {self.unit.type(self.result)} {self.name}({given})"
         ignored = [f"    (void){identifier(name)};" for name in self.parameters if not _named(body, name)]
-        return "\n".join([*self._docstring(), head, "{", *ignored, *lines, "}"])
-
-    def _docstring(self) -> list[str]:
-        where, lines = self.function.__module__, self.source.said.split("\n")
-        short = f"{where}: {lines[0]}".rstrip(": ")
-        return comments([short, *lines[1:]] if len(short) < 112 else [f"{where}:", *lines])
+        return "\n".join([*self.source.docstring(), head, "{", *ignored, *lines, "}"])
 
     def _parameter(self, name: str) -> str:
         const = "" if name in self.assigned else "const "
@@ -183,7 +162,7 @@ class Function:
         """The lines of a block, one step further in than what it stands in."""
         lines: list[str] = []
         for k, one in enumerate(body):
-            above, self._at = self._comments(one.lineno), one
+            above, self._at = self.source.above(one), one
             made = self._statement(one)
             opened = [name for name in self._opened(one) if name in self.kinds]
             self.declared.update(opened)
@@ -195,11 +174,6 @@ class Function:
     def _opened(self, one: ast.stmt) -> list[str]:
         """The locals that have to be declared before a statement."""
         return sorted(name for name, home in self.homes.items() if home is one and name not in self.declared)
-
-    def _comments(self, line: int) -> list[str]:
-        found = [text for at, text in self.source.comments.items() if self._commented < at < line]
-        self._commented = max(self._commented, line)
-        return comments(found)
 
     def _statement(self, one: ast.stmt) -> list[str]:
         match one:
@@ -220,7 +194,7 @@ class Function:
 
     def _if(self, one: ast.If, before: str = "") -> list[str]:
         lines = [f"{before}if ({self._number(one.test, truth=True).text}) {{"]
-        lines += [f"    {line}" for line in self._comments(one.body[0].lineno)] if before else []
+        lines += [f"    {line}" for line in self.source.above(one)] if before else []
         lines += self._block(one.body)
         match one.orelse:
             case []:
@@ -285,22 +259,22 @@ class Function:
         return f"{const}{type_} {identifier(name)} = {text};"
 
     def _returned(self, one: ast.Return, value: ast.expr) -> str:
-        several, hint = isinstance(value, ast.Tuple), hints_of(self.function).get("return")
+        several = isinstance(value, ast.Tuple)
         nodes = value.elts if isinstance(value, ast.Tuple) else [value]
         parts = [self._expression(node) for node in nodes]
         if self.result is None:
-            hints = itertools.chain(typing.get_args(hint) if several else [hint], itertools.repeat(None))
+            hint = hints_of(self.function).get("return")
+            hints = [*(typing.get_args(hint) if several else [hint]), *[None] * len(nodes)]
             kinds = [annotated(want) or part.kind for part, want in zip(parts, hints, strict=False)]
             names = [_name_of(node) or f"item{k}" for k, node in enumerate(nodes)]
-            if len(set(names)) < len(names):
-                names = [f"item{k}" for k in range(len(names))]
+            names = names if len(set(names)) == len(names) else [f"item{k}" for k in range(len(names))]
             fields = tuple(zip(names, kinds, strict=True))
             self.result = Struct(f"{self.name}_result", fields) if several else kinds[0]
         made = {"": self.result} if getattr(self.result, "made", self) else dict(self.result.fields)
         wanted = [*made.values()]
         if [joined(*pair) for pair in itertools.zip_longest((part.kind for part in parts), wanted)] != wanted:
-            kinds_ = " and ".join(map(said, wanted))
-            raise self.refused(one, "which is another kind of result", "return the kinds that are annotated", kinds_)
+            expected = " and ".join(map(said, wanted))
+            raise self.refused(one, "which is another kind of result", "return the kinds that are annotated", expected)
         return self._literal(self.result, dict(zip(made, parts, strict=True))) if several else parts[0].text
 
     # ---- expressions ----
@@ -420,7 +394,7 @@ class Function:
     def _on_compare(self, node: ast.Compare) -> Expression:
         parts = [self._number(one) for one in (node.left, *node.comparators)]
         found = []
-        for (left, right), operator in zip(itertools.pairwise(parts), node.ops, strict=True):
+        for left, operator, right in zip(parts, node.ops, parts[1:], strict=False):
             sign, level = _OPERATORS[type(operator)]
             write = Expression.within if left.kind == right.kind else Expression.operand
             found.append(Expression(f"{write(left, SUM)} {sign} {write(right, SUM)}", bool, level))
@@ -433,11 +407,8 @@ class Function:
         return Expression(f" {sign} ".join(texts), bool, level)
 
     def _on_ifexp(self, node: ast.IfExp) -> Expression:
-        asked, left, right = (
-            self._number(node.test, truth=True),
-            self._expression(node.body),
-            self._expression(node.orelse),
-        )
+        asked = self._number(node.test, truth=True)
+        left, right = self._expression(node.body), self._expression(node.orelse)
         kind = joined(left.kind, right.kind)
         if kind is None:
             raise self.refused(node, f"{said(left.kind)} and {said(right.kind)}", "let both sides be of one kind")
@@ -456,29 +427,23 @@ class Function:
         what = self._looked_up(node.func)
         if what is _LOCAL:
             anew = isinstance(node.func, ast.Attribute) and node.func.attr == "_replace"
-            do = "call its class with all fields" if anew else "call kernels by their names"
-            raise self.refused(node, "", do)
+            raise self.refused(node, "", "call its class with all fields" if anew else "call kernels by their names")
         if isinstance(what, type) and hasattr(what, "_fields"):
             given = self._given(node, what)
             kind = Struct(what.__name__, tuple((name, one.kind) for name, one in given.items()), what)
             return Expression(self._literal(kind, given), kind)
-        if is_kernel(what):
-            given = self._given(node, what)
-            name, result = called(self.unit, what, tuple(one.kind for one in given.values()))
-            if name in {identifier(local) for local in (*self.assigned, *self.parameters)}:
-                raise self.refused(node, "beside a local of its name", "rename the local")
-            texts = (
-                one.text if is_number(one.kind) else one.address(self.unit.type(one.kind)) for one in given.values()
-            )
-            return Expression(f"{name}({', '.join(texts)})", result)
-        found = None if node.keywords or not callable(what) else self._built_in(node, what)
-        if found is None:
-            raise self.refused(node, "", _instead(what), "a kernel, or a function of the subset")
-        return found
+        if not is_kernel(what):
+            return self._built_in(node, what)
+        values = self._given(node, what).values()
+        name, result = called(self.unit, what, tuple(one.kind for one in values))
+        if name in {identifier(local) for local in (*self.assigned, *self.parameters)}:
+            raise self.refused(node, "beside a local of its name", "rename the local")
+        texts = (one.text if is_number(one.kind) else one.address(self.unit.type(one.kind)) for one in values)
+        return Expression(f"{name}({', '.join(texts)})", result)
 
-    def _built_in(self, node: ast.Call, what: Any) -> Expression | None:
+    def _built_in(self, node: ast.Call, what: Any) -> Expression:
         """A call of one of Python's own functions, or of libm's, with numbers."""
-        known = what in _LIBM or what in (min, max, *_TRUTHS, float, bool, int)
+        known = not node.keywords and callable(what) and what in (*_LIBM, min, max, *_TRUTHS, float, bool, int)
         given = [self._number(one) for one in node.args] if known else []
         if what in (min, max) and given[1:]:
             kind = functools.reduce(joined, (one.kind for one in given))
@@ -486,10 +451,9 @@ class Function:
             text = functools.reduce(lambda text, one: f"{helper}({text}, {one.text})", given[1:], given[0].text)
             return Expression(text if kind in (float, int) else f"({self.unit.type(kind)}){text}", kind)
         if len(given) != (2 if what in (power, math.copysign) else 1) or what in (min, max):
-            return None
+            raise self.refused(node, "", _instead(what), "a kernel, or a function of the subset")
         if what in _LIBM:
-            name = f"{_LIBM[what]}{'f' if self.unit.single else ''}"
-            return Expression(f"{name}({', '.join(one.text for one in given)})", float)
+            return Expression(f"{_LIBM[what]}{'f' * self.unit.single}({', '.join(one.text for one in given)})", float)
         if what in _TRUTHS:
             return Expression(f"{what.__name__}({given[0].text})", bool)
         if what is int and given[0].kind is float:

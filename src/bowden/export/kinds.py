@@ -3,7 +3,7 @@
 import re
 import typing
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bowden.core.nested import Path, is_named
+from bowden.core.nested import is_named
 
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
@@ -126,9 +126,17 @@ def identifier(name: str) -> str:
     return f"{plain}_" if plain in _RESERVED else plain
 
 
-def reached(way: Path) -> str:
-    """How C reaches a leaf of a struct: ``.past.at[2]``."""
-    return "".join(f".at[{one}]" if isinstance(one, int) else f".{identifier(one)}" for one in way)
+def within(kind: Kind, way: str = "") -> Iterator[tuple[str, Kind]]:
+    """A value and each part of it, from the outside: how C reaches that, ``.past.at[2]``, and its kind."""
+    yield way, kind
+    parts = [(f"at[{k}]", kind.of) for k in range(kind.length)] if isinstance(kind, Row) else []
+    for name, inner in parts or [(identifier(name), inner) for name, inner in getattr(kind, "fields", ())]:
+        yield from within(inner, f"{way}.{name}")
+
+
+def numbers(kind: Kind, way: str = "") -> list[tuple[str, Kind]]:
+    """Each number of a value: how C reaches it, and its kind."""
+    return [(place, one) for place, one in within(kind, way) if is_number(one)]
 
 
 def snake_case(name: str) -> str:

@@ -4,12 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bowden.control.law import Law
 from bowden.core.nested import leaves, name_of
 from bowden.export.files import rendered
-from bowden.export.kinds import reached
-from bowden.export.law import state_of
-from bowden.export.module import Module
+from bowden.export.kinds import numbers
+from bowden.export.unit import Module
 from bowden.models.minimum_jerk import PEAK_SPEED
 from bowden.models.suit.suit_angle import SpoolMap
 from bowden.rig.counts import Counts
@@ -42,54 +40,44 @@ COLUMNS = (
 
 
 def pages(
-    rig: Rig, law: Law, modules: Sequence[Module], encoders: Counts | SpoolMap, said: str, rate: float, *, single: bool
+    rig: Rig, modules: Sequence[Module], encoders: Counts | SpoolMap, said: str, rate: float, *, single: bool
 ) -> dict[str, str]:
     """Name → text of the loop, of the board's part of it, and of a C program that replays a recorded run of the law.
 
     Args:
         rig: with the reference, and the wearer's EMG.
-        law: with its gains.
         modules: the law's; then those of the supervisor and of EMG.
         encoders: the rig's, or the suit's spool.
         said: what the code was made from.
         rate: samples of EMG a second [Hz].
         single: the law is in float, and its commands are not expected to be the recorded ones to the bit.
     """
-    name, names, period = modules[0].prefix, [one.prefix for one in modules], rig.sample_time
-    ways, course, levels = [way for way, _ in leaves(state_of(law))], course_of(rig.emg), rig.emg.levels
-    detector = names[-1] if "course" in names else ""
-    suit, real = isinstance(encoders, SpoolMap), f"{name}_real"
+    step, detector = modules[0].functions[1], modules[-1] if modules[2:] else None
     position, velocity, _ = rig.trajectory.sample(np.linspace(0.0, min(rig.duration, _WATCHED), 200_001)).T
     low, high, fastest = position.min(), position.max(), np.abs(velocity).max()
+    course = course_of(rig.emg)
     words = {
         "title": modules[0].title,
         "said": said,
-        "name": name,
+        "name": modules[0].prefix,
         "modules": modules,
-        "counts": None if suit else encoders,
+        "counts": encoders if isinstance(encoders, Counts) else None,
+        "unit": "counts" if isinstance(encoders, Counts) else "spool",
         "flags": FLAGS,
         "chip": CHIP,
-        "sources": " ".join(f"{one}.c" for one in (*names, "loop")),
-        "headers": " ".join(f"{one}.h" for one in (*names, "loop")),
-        "period": repr(period),
-        "microseconds": f"{period * 1e6:.0f}",
-        "detector": detector,
-        "detector_state": f"{detector}_{modules[-1].functions[-1].kinds['state'].name}" if detector else "",
+        "period": rig.sample_time,
+        "detector": detector and detector.prefix,
+        "detector_state": detector and detector.functions[1].kinds["state"].name,
         "limits": rig.supervisor_limits,
-        "emg_rate": repr(rate),
+        "emg_rate": rate,
         "muscles": course.intent.muscles,
-        "proportional": course.proportional and levels is not None,
-        "levels": levels,
-        "low": repr(course.intent.low if detector else float(f"{low:.7g}")),
+        "proportional": course.proportional and rig.emg.levels is not None,
+        "levels": rig.emg.levels,
+        "low": course.intent.low if detector else float(f"{low:.7g}"),
         "high": f"{high:.7g}",
         "duration": f"{PEAK_SPEED * (high - low) / fastest:.6g}" if fastest > 0.0 else "2",
         "single": single,
-        "exact": int(not single),
-        "values": "".join(f",\n                (double)state{reached(way)}" for way in ways),
-        "header": ",".join(map(name_of, ways)),
-        "unit": "spool" if suit else "counts",
-        "of_motor": f"{name}_motor_angle(({real})motor)",
-        "of_joint": "joint" if suit else f"{name}_joint_angle(({real})joint)",
-        "target": f"{name}_{'spool_angle' if suit else 'motor_counts'}(({real})cycle.verdict.target)",
+        "ways": [way for way, _ in numbers(step.kinds["state"])],
+        "header": ",".join(name_of(way) for way, _ in leaves(step.given["state"])),
     }
     return {file: rendered(file, **words) for file in FILES}

@@ -12,6 +12,7 @@ from types import FunctionType
 
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import texts_of
+from bowden.export.kinds import comments
 
 _ADVICE: dict[str, tuple[type[ast.AST], ...]] = {
     "write a loop over a fixed range: for i in range(n)": (ast.While,),
@@ -45,26 +46,37 @@ class KernelSource:
     """One function as its file has it."""
 
     def __init__(self, function: FunctionType) -> None:
+        self.module, self.file = function.__module__, function.__code__.co_filename
         try:
             lines, self.first = inspect.getsourcelines(function)
         except (OSError, TypeError):
             name = function.__qualname__
             raise ParameterError(f"{name} has no source to be exported", do="define it with def in a file") from None
-        text, self.file = textwrap.dedent("".join(lines)), function.__code__.co_filename
+        text = textwrap.dedent("".join(lines))
         node = ast.parse(text).body[0]
         if not isinstance(node, ast.FunctionDef):
             raise self.refused(node, "", INSTEAD[ast.Lambda])
-        self.said = (ast.get_docstring(node) or "").partition("\n>>>")[0].strip()
-        """The docstring, without its examples."""
-        self.body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+        self.said = ast.get_docstring(node)
+        self.body = node.body[self.said is not None :]
         """The statements without the docstring."""
         self._lines = text.splitlines()
-        self.comments = {
-            token.start[0]: token.string.lstrip("# ")
-            for token in tokenize.generate_tokens(io.StringIO(text).readline)
-            if token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip()
-        }
-        """Line → comment that stands on a line of its own."""
+        self._above: dict[int, list[str]] = {}
+        """Line of a statement → comments that stand on lines of their own above it."""
+        starts = [one.lineno for one in ast.walk(node) if isinstance(one, ast.stmt)]
+        for token in tokenize.generate_tokens(io.StringIO(text).readline):
+            if token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip():
+                below = min((line for line in starts if line > token.start[0]), default=0)
+                self._above.setdefault(below, []).append(token.string.lstrip("# "))
+
+    def docstring(self) -> list[str]:
+        """Its module and its docstring without the examples, as a comment."""
+        first, *more = (self.said or "").partition("\n>>>")[0].strip().split("\n")
+        short = f"{self.module}: {first}".rstrip(": ")
+        return comments([short, *more] if len(short) < 112 else [f"{self.module}:", first, *more])
+
+    def above(self, one: ast.stmt) -> list[str]:
+        """The comments above a statement, once."""
+        return comments(self._above.pop(one.lineno, []))
 
     def is_blank_after(self, one: ast.stmt) -> bool:
         """Whether an empty line stands behind a statement."""

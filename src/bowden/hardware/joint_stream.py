@@ -1,22 +1,25 @@
-"""Samples of a joint's sensor as they come: by UDP, a line of text in each datagram, or from the Lab Streaming Layer.
+"""Samples of a joint's sensor as they come: lines of text by UDP or a serial line, or from the Lab Streaming Layer.
 
     time v₁ … vₙ
 
 numbers apart by blanks or commas: when the sample was taken, by the sender's own clock [s], and what the sensor gives
-(docs/drives.md). What is no such line, comes from somebody else than the first sender, or is no newer than the
-last one is left out. Nothing here waits once it is open.
+(docs/drives.md). What is no such line, comes from somebody else than the first sender, or is a little older than the
+last one is left out; a clock that is set back is followed. Nothing here waits once it is open.
 """
 
 import contextlib
+import errno
 import math
 import socket
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError
 from bowden.core.extras import extra_module
+from bowden.hardware.buses.unix_bus import bus_folder
 from bowden.hardware.emg.lsl_info import library
+from bowden.rig.families import family_of
 from bowden.rig.joint_sensor import address_of
 from bowden.rig.settings import JointSensor
 from bowden.sensing.joint_sample import (
@@ -31,6 +34,8 @@ from bowden.sensing.joint_sample import (
 
 MOST = 64
 """Samples taken in one look."""
+SET_BACK = 1.0
+"""Beyond which an older time is no datagram that was overtaken, but a sender that was started again [s]."""
 LONGEST = 1024
 """Of a datagram [bytes]."""
 WAIT = 5.0
@@ -61,6 +66,22 @@ def raw_of(line: bytes, numbers: int) -> Raw | None:
     return Raw(time, tuple(values))
 
 
+class _Newer:
+    """Lets the samples pass that are newer than the last one."""
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+
+    def of(self, found: Iterable[Raw | None]) -> list[Raw]:
+        """Those of them that are."""
+        newer = []
+        for raw in found:
+            if raw is not None and not self._last - SET_BACK < raw.time <= self._last:
+                self._last = raw.time
+                newer.append(raw)
+        return newer
+
+
 class _Stream(Protocol):
     def look(self) -> list[Raw]:
         """What has come since the last look."""
@@ -77,22 +98,25 @@ class UdpLines:
     """
 
     def __init__(self, host: str, port: int, numbers: int) -> None:
-        self._numbers, self._sender, self._last = numbers, "", -math.inf
+        self._numbers, self._sender, self._newer = numbers, "", _Newer()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.bind((host, port))
         except OSError as error:
             self._socket.close()
+            taken = error.errno == errno.EADDRINUSE
             raise StreamError(
                 f"udp:{host}:{port} cannot be listened to: {error.strerror or error}",
-                expected="a free port of this computer",
-                do="end the other program there, or choose another port in [joint_sensor]",
+                expected="a free port of this computer" if taken else "an address of this computer, or 0.0.0.0 for all",
+                do="end the other program there, or choose another port in [joint_sensor]"
+                if taken
+                else "correct joint_sensor.stream",
             ) from None
         self._socket.setblocking(False)
 
     def look(self) -> list[Raw]:
         """What has come since the last look."""
-        found: list[Raw] = []
+        found: list[Raw | None] = []
         for _ in range(MOST):
             try:
                 line, (host, _) = self._socket.recvfrom(LONGEST)
@@ -100,14 +124,44 @@ class UdpLines:
                 break
             raw = raw_of(line, self._numbers)
             self._sender = self._sender or (host if raw else "")
-            if raw is not None and host == self._sender and raw.time > self._last:
-                self._last = raw.time
-                found.append(raw)
-        return found
+            found += [raw] if host == self._sender else []
+        return self._newer.of(found)
 
     def close(self) -> None:
         """Leave the port."""
         self._socket.close()
+
+
+class SerialLines:
+    """Lines of text from a serial port, as of a microcontroller at the sensor.
+
+    Raises:
+        StreamError: the port cannot be used.
+        MissingExtraError: without pyserial.
+    """
+
+    def __init__(self, device: str, baud: int, numbers: int) -> None:
+        serial = extra_module("serial", "serial", f"joint_sensor.stream = 'serial:{device}'")
+        self._numbers, self._begun, self._newer = numbers, b"", _Newer()
+        try:
+            self._port = serial.Serial(device, baud, timeout=0, exclusive=True)
+        except (OSError, ValueError) as error:
+            raise StreamError(
+                f"serial:{device}@{baud} cannot be opened: {str(error).partition('] ')[2] or error}",
+                do="look at joint_sensor.stream and the cable, be in the group dialout, end the other program there",
+            ) from None
+
+    def look(self) -> list[Raw]:
+        """What has come since the last look."""
+        with contextlib.suppress(OSError):  # unplugged: the silence shows
+            self._begun += self._port.read(MOST * LONGEST)
+        *lines, begun = self._begun.split(b"\n")
+        self._begun = begun[-LONGEST:]
+        return self._newer.of(raw_of(line, self._numbers) for line in lines[-MOST:])
+
+    def close(self) -> None:
+        """Leave the port."""
+        self._port.close()
 
 
 class LslSamples:
@@ -129,22 +183,26 @@ class LslSamples:
                 do="correct source, gives or bodies there",
             )
         self._inlet: Any = lsl.StreamInlet(found[0], max_buflen=1)
-        self._last = -math.inf
+        self._newer = _Newer()
 
     def look(self) -> list[Raw]:
         """What has come since the last look."""
         values, times = self._inlet.pull_chunk(timeout=0.0, max_samples=MOST)
-        found = []
-        for time, row in zip(times, values, strict=True):
-            if time > self._last and all(map(math.isfinite, row)):
-                self._last = time
-                found.append(Raw(time, tuple(row)))
-        return found
+        found = [Raw(time, tuple(row)) for time, row in zip(times, values, strict=True)]
+        return self._newer.of(one for one in found if all(map(math.isfinite, one.values)))
 
     def close(self) -> None:
         """Leave the stream."""
         with contextlib.suppress(RuntimeError):
             self._inlet.close_stream()
+
+
+def of_twin(sensor: JointSensor, drive: Any) -> JointSensor:
+    """The sensor beside a drive: a twin's has a line of its own in its bus' folder, in place of a serial port."""
+    family = family_of(drive)
+    if address_of(sensor)[0] != "serial" or not family.simulated(drive):
+        return sensor
+    return sensor._replace(stream=f"serial:{bus_folder(family.address(drive)['channel']) / 'joint'}")
 
 
 class JointSamples:
@@ -167,7 +225,11 @@ class JointSamples:
             self._fused = [fusion.Ahrs() for _ in range(sensor.bodies)]
         self._before = math.nan
         kind, where = address_of(sensor)
-        self._stream: _Stream = LslSamples(where[0], numbers) if kind == "lsl" else UdpLines(*where, numbers)
+        self._stream: _Stream
+        if kind == "lsl":
+            self._stream = LslSamples(where[0], numbers)
+        else:
+            self._stream = (SerialLines if kind == "serial" else UdpLines)(*where, numbers)
 
     def look(self) -> float:
         """The newest angle that has come since the last look; NaN where none has [rad]."""
@@ -180,15 +242,15 @@ class JointSamples:
         """What has come since the last look, for a calibration: a reading, or the orientation of `between`."""
         return [self._oriented(one) if self._sensor.source == "imu" else one.values for one in self._stream.look()]
 
-    def wait(self, clock: TimeSource | None = None) -> None:
-        """Wait for the first sample.
+    def wait(self, clock: TimeSource | None = None) -> float:
+        """Wait for the first sample: its angle [rad].
 
         Raises:
             StreamError: none comes.
         """
         time = MonotonicClock() if clock is None else clock
         end = time.now() + round(WAIT * SECOND)
-        while math.isnan(self.look()):
+        while math.isnan(angle := self.look()):
             if time.now() > end:
                 raise StreamError(
                     f"no sample of the joint's sensor has come by {self._sensor.stream} within {WAIT:g} s",
@@ -196,6 +258,7 @@ class JointSamples:
                     do="look at the sensor, its program and [joint_sensor]",
                 )
             time.sleep_until(time.now() + SECOND // 200)
+        return angle
 
     def close(self) -> None:
         """Leave the stream."""

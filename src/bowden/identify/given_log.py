@@ -12,11 +12,10 @@ from bowden.core import arguments
 from bowden.core.caller import argument
 from bowden.core.errors import ParameterError
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.recalibrate import Known
 from bowden.identify.log.angles import SIDES, angles_of
 from bowden.identify.log.read import Layout, Log, checked_rate, prepare, read_file, read_run
 from bowden.identify.log.variables import Scheduled, of_numbers, scheduled_by
-from bowden.plants.identified import CableModel, IdentifiedCable, load_judged
+from bowden.plants.identified import CableModel, IdentifiedCable, load_cable
 from bowden.records.trace import Trace
 
 _KINDS = str | Path | Log | Trace
@@ -103,7 +102,7 @@ def _prepared(
     return prepare(time, angles, name, lambda sample: f"{name}, sample {sample + 1}", units.apart)
 
 
-def known_cable(model: Any, logs: int) -> Known | None:
+def known_cable(model: Any, logs: int) -> IdentifiedCable | None:
     """A model whose gain and offset are fitted again; None where none is given.
 
     Args:
@@ -122,11 +121,11 @@ def known_cable(model: Any, logs: int) -> Known | None:
             do="give one log",
         )
     if isinstance(model, str | Path):
-        return Known(*load_judged(arguments.path_of(model, "identify: model")))
+        return load_cable(arguments.path_of(model, "identify: model"))
     if isinstance(model, CableModel | IdentifiedCable):
-        return Known(model.identified() if isinstance(model, CableModel) else model)
+        return model.identified() if isinstance(model, CableModel) else model
     if isinstance(model, Fit):
-        return Known(dataclasses.replace(model.best.identified(), units=model.units), model.judged_rms)
+        return dataclasses.replace(model.best.identified(), units=model.units, judged=model.judged_rms)
     raise ParameterError(
         f"identify: model is {arguments.said(model)}",
         expected="a model.toml, or what bowden.identify gives",
@@ -134,7 +133,9 @@ def known_cable(model: Any, logs: int) -> Known | None:
     )
 
 
-def variables_of(given: Mapping[str, Any], files: Any, logs: Sequence[Log], known: Known | None) -> list[Scheduled]:
+def variables_of(
+    given: Mapping[str, Any], files: Any, logs: Sequence[Log], known: IdentifiedCable | None
+) -> list[Scheduled]:
     """What may schedule the model: numbers, a column's name, or what the files say.
 
     Args:
@@ -150,7 +151,7 @@ def variables_of(given: Mapping[str, Any], files: Any, logs: Sequence[Log], know
     found = []
     for name, value in given.items():
         if known is not None:
-            wanted = value is not None or f"{name}_low" in known.cable.model().parameters
+            wanted = value is not None or f"{name}_low" in known.model().parameters
         else:
             wanted = len(logs) > 1 or value is not None
         one = _variable(name, value, files, logs) if wanted else None

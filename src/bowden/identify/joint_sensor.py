@@ -42,7 +42,7 @@ def calibrated(sensor: JointSensor, poses: Sequence[Pose], motion: Sequence[Quat
     Raises:
         ParameterError: too few poses, or readings that do not go with them.
     """
-    if len({pose.angle for pose in poses}) < max(2, len(poses)):
+    if len({pose.angle for pose in poses if math.isfinite(pose.angle)}) < max(2, len(poses)):
         raise ParameterError(
             f"poses at {', '.join(f'{pose.angle * DEGREES:g}°' for pose in poses)}",
             expected="two different known angles, or more",

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from bowden.core.errors import SafetyError
 from bowden.live.control_block import ControlBlock
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import RecorderState
 from bowden.live.stops import MotorFaults, remedy_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault

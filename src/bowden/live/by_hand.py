@@ -6,7 +6,9 @@ that is none of a twin's gets power for the first time, somebody turns it by han
 
     |joint − moved| ≤ share·moved + reading,    moved/steepest ≤ motor ≤ (moved + play)/flattest, widened by the same
 
-all counted in the direction in which the cable pulls, which only turning by hand can show.
+all counted in the direction in which the cable pulls, which only turning by hand can show. Where a sensor takes the
+place of the joint's encoder, its axis and its curve are witnessed so; two standard deviations of its lasting error are
+added to `reading`. Where the cable's model does, the motor alone is.
 """
 
 import hashlib
@@ -22,9 +24,11 @@ from bowden.core.files import state_folder, whole_file
 from bowden.core.signals import DriveReading
 from bowden.core.units import DEGREES, RADIANS
 from bowden.hardware.ports import Drive
-from bowden.live.drive_look import looked_at
+from bowden.live.drive_look import AGES, looked_at
+from bowden.live.joint_estimate import RestingSensor
 from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
+from bowden.rig.settings import JointSensor
 from bowden.safety.limits import Limits
 
 LEAST = 30.0 * RADIANS
@@ -34,6 +38,7 @@ SHARE, READING = 0.1, 4.0 * RADIANS
 by different hands differ by some 4° to 5° [rad]. A factor of 0.7 or 1.4 is found at the smallest angle."""
 SETTLED = 20
 """Cycles without an angle after which there is none."""
+ENCODER = JointSensor()
 _OLD = 2
 """Cycles that an angle may be old and still be the one of now."""
 _LEAST_SLOPE = 1e-3
@@ -41,23 +46,40 @@ _LEAST_SLOPE = 1e-3
 _TURNED = "(where the sign is wrong) slack_sign of [limits] or "
 
 
-def contradictions(moved: float, joint: float, motor: float, limits: Limits) -> list[str]:
-    """Contradictions of both encoders to the angle by which the joint was turned, in sentences; empty if they agree.
+def least_turn(sensor: JointSensor) -> float:
+    """Smallest angle by which a joint is turned: a factor of 0.7 shows over what a reading may be wrong by [rad]."""
+    return max(LEAST, _unsure(sensor) / (0.3 - SHARE) if sensor.sensed else 0.0)
+
+
+def _unsure(sensor: JointSensor) -> float:
+    """Of a reading, beside a share of the angle [rad]."""
+    return READING + (2.0 * sensor.offset if sensor.sensed else 0.0)
+
+
+def contradictions(
+    moved: float, joint: float, motor: float, limits: Limits, sensor: JointSensor = ENCODER
+) -> list[str]:
+    """Contradictions of motor and joint to the angle by which the joint was turned, in sentences; empty if they agree.
 
     Args:
         moved: how far the cable has pulled the joint, as whoever turned it has read it [rad].
-        joint: change of the joint's angle [rad].
+        joint: change of the joint's angle; not looked at where nothing measures it [rad].
         motor: change of the motor's [rad].
         limits: with the cable's slopes and play.
+        sensor: what measures the joint.
     """
-    if not moved >= LEAST:
-        return [f"{moved * DEGREES:.3g}° is too little to check a scale; turn it by {LEAST * DEGREES:g}° or more"]
-    pull, slack, found = -limits.slack_sign, SHARE * moved + READING, []
+    least = least_turn(sensor)
+    if not moved >= least:
+        return [f"{moved * DEGREES:.3g}° is too little to check a scale; turn it by {least * DEGREES:.3g}° or more"]
+    pull, slack, found = -limits.slack_sign, SHARE * moved + _unsure(sensor), []
     joint, motor = pull * joint, pull * motor
-    if not abs(joint - moved) <= slack:
+    if sensor.source != "motor" and not abs(joint - moved) <= slack:
+        wrong = f"joint_counts_per_turn or {_TURNED}joint_direction"
+        if sensor.sensed:
+            wrong = "[joint_sensor] by bowden calibrate joint, or (where the sign is wrong) slack_sign of [limits]"
         found.append(
-            f"the cable has pulled the joint by {moved * DEGREES:.3g}°, but its encoder shows {joint * DEGREES:.3g}°: "
-            f"correct joint_counts_per_turn or {_TURNED}joint_direction"
+            f"the cable has pulled the joint by {moved * DEGREES:.3g}°, but its "
+            f"{'sensor' if sensor.sensed else 'encoder'} shows {joint * DEGREES:.3g}°: correct {wrong}"
         )
     low, high = (
         moved / max(limits.slope_high, _LEAST_SLOPE),
@@ -73,7 +95,13 @@ def contradictions(moved: float, joint: float, motor: float, limits: Limits) -> 
 
 
 def turned(
-    drive: Drive, lines: Callable[[], str | None], say: Callable[[str], None], clock: TimeSource, period: float
+    drive: Drive,
+    lines: Callable[[], str | None],
+    say: Callable[[str], None],
+    clock: TimeSource,
+    period: float,
+    sensor: JointSensor = ENCODER,
+    at_joint: RestingSensor | None = None,
 ) -> tuple[float, DriveReading, DriveReading]:
     """The angle that somebody says to have turned the joint by [rad], and what was read before and after.
 
@@ -83,18 +111,27 @@ def turned(
         say: shows a sentence.
         clock: to go by.
         period: of a cycle [s].
+        sensor: what measures the joint.
+        at_joint: it, opened, where that is no encoder at the drive.
 
     Raises:
         DriveError: no angle comes, or the drive has torque.
         SafetyError: what was entered is no angle.
     """
-    say("The motor gets no power. Let the joint rest where the cable is just taut, and press Enter.")
-    before, _ = _until(drive, lines, clock, period)
-    say(
-        f"Turn the motor by hand, at its spool or its shaft, so that the cable pulls the joint by {LEAST * DEGREES:g}° "
-        "or more. Measure with a goniometer how far the joint has turned, type that in degrees, and press Enter."
+    readings = (
+        look.last if at_joint is None else at_joint.shown(look.last)
+        for look in looked_at(drive, clock, period)
+        if look.last is not None
     )
-    after, entered = _until(drive, lines, clock, period)
+    needed = ("motor", "joint") if sensor.source != "motor" else ("motor",)
+    say("The motor gets no power. Let the joint rest where the cable is just taut, and press Enter.")
+    before, _ = _until(readings, needed, lines)
+    say(
+        "Turn the motor by hand, at its spool or its shaft, so that the cable pulls the joint by "
+        f"{least_turn(sensor) * DEGREES:.3g}° or more. Measure with a goniometer how far the joint has turned, hold it "
+        "still, type that in degrees, and press Enter."
+    )
+    after, entered = _until(readings, needed, lines)
     try:
         moved = float(entered.strip().rstrip("°").replace(",", ".")) * RADIANS
     except ValueError:
@@ -102,17 +139,19 @@ def turned(
     return moved, before, after
 
 
-def _until(drive: Drive, lines: Callable[[], str | None], clock: TimeSource, period: float) -> tuple[DriveReading, str]:
-    """Cycles without power until a line is entered and both angles are there; the last reading and that line."""
+def _until(
+    readings: Iterable[DriveReading], needed: Sequence[str], lines: Callable[[], str | None]
+) -> tuple[DriveReading, str]:
+    """Cycles without power until a line is entered and the angles needed are there; the last reading and that line."""
     missing, entered = 0, None
-    for look in looked_at(drive, clock, period):
-        reading = look.last
-        assert reading is not None
-        angles = ((reading.motor, reading.motor_age), (reading.joint, reading.joint_age))
-        there = all(math.isfinite(angle) and age <= _OLD for angle, age in angles)
+    for reading in readings:
+        there = all(math.isfinite(getattr(reading, one)) and getattr(reading, AGES[one]) <= _OLD for one in needed)
         missing = 0 if there else missing + 1
         if missing > SETTLED:
-            raise DriveError("the drive sends no angle", do="check the encoders' plugs and the drive's PDOs")
+            raise DriveError(
+                f"no angle of the {' and the '.join(needed)} comes",
+                do="check the encoders' plugs, the drive's PDOs, and the program that sends [joint_sensor]",
+            )
         entered = lines() if entered is None else entered
         if entered is not None and not missing:
             return reading, entered
@@ -123,7 +162,8 @@ def _path(rig: Rig) -> Path:
     """One file for a drive and all that makes angles of its counts; another law or reference asks for no new turn."""
     drive, needs, family = rig.drive, rig.drive_needs, family_of(rig.drive)
     address, scales = sorted(family.address(drive).items()), list(family.scales(drive))
-    bound = (drive.family, address, scales, needs.gear, needs.spool, rig.supervisor_limits.slack_sign)
+    sensor = (rig.joint_sensor,) if rig.joint_sensor.estimated else ()
+    bound = (drive.family, address, scales, needs.gear, needs.spool, rig.supervisor_limits.slack_sign, *sensor)
     name = hashlib.sha256(repr(bound).encode())
     return state_folder() / f"by-hand-{name.hexdigest()[:16]}.json"
 
@@ -135,7 +175,7 @@ def confirm(rig: Rig, moved: float, joint: float, motor: float, serial: str = ""
         SafetyError: they do not agree with what was read by hand.
         OutputError: it cannot be kept.
     """
-    found = contradictions(moved, joint, motor, rig.supervisor_limits)
+    found = contradictions(moved, joint, motor, rig.supervisor_limits, rig.joint_sensor)
     if found:
         raise SafetyError("; ".join(found))
     kept = {"rig": rig.hash, "utc": unix_seconds(), "told_deg": moved * DEGREES}
@@ -159,7 +199,7 @@ def confirmed(rig: Rig) -> bool:
         moved, joint, motor = (float(kept[name]) * RADIANS for name in ("told_deg", "joint_deg", "motor_deg"))
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, RecursionError):
         return False
-    return not contradictions(moved, joint, motor, rig.supervisor_limits)
+    return not contradictions(moved, joint, motor, rig.supervisor_limits, rig.joint_sensor)
 
 
 def require_confirmed(rig: Rig, motor: str = "") -> None:
@@ -172,18 +212,35 @@ def require_confirmed(rig: Rig, motor: str = "") -> None:
     Raises:
         SafetyError: nobody has, for this drive and these scales.
     """
-    if rig.joint_sensor.estimated and not family_of(rig.drive).simulated(rig.drive):
-        raise SafetyError(
-            f"the joint's angle is an estimate (joint_sensor.source is {rig.joint_sensor.source!r}), which nobody can "
-            "confirm by hand yet",
-            expected="an encoder at the joint of a rig with a real drive",
-            do="run it on a twin, with --twin",
-        )
+    if not family_of(rig.drive).simulated(rig.drive):
+        _require_seen(rig)
     if not confirmed(rig):
         raise SafetyError(
             "no angle has been confirmed by hand on this drive with these scales and directions",
             expected="the joint turned once by hand, without power, and compared with both encoders",
             do=shlex.join(["bowden", "confirm", rig.origin, *(["--motor", motor] if motor else [])]),
+        )
+
+
+def _require_seen(rig: Rig) -> None:
+    """Refuse a joint whose angle cannot be trusted before anybody turns it.
+
+    Raises:
+        SafetyError: a limb by the motor's angle alone, or an IMU whose mounting nobody has calibrated.
+    """
+    sensor, limb = rig.joint_sensor, limb_of([rig])
+    if sensor.source == "motor" and limb:
+        raise SafetyError(
+            f"{limb} means a limb, which joint_sensor.source = 'motor' does not see: a torn cable looks whole",
+            expected="an encoder, an IMU or a stretch sensor at the joint",
+            do="fit one, or run a bare bench",
+        )
+    mounting = (sensor.axis, sensor.zero)
+    if sensor.source == "imu" and sensor.gives != "angle" and mounting == (ENCODER.axis, ENCODER.zero):
+        raise SafetyError(
+            "axis and zero of [joint_sensor] are the default ones: where the IMU sits is not known",
+            expected="those that a calibration gives",
+            do=shlex.join(["bowden", "calibrate", "joint", rig.origin]),
         )
 
 
@@ -234,6 +291,17 @@ def unseen_watch(rig: Rig) -> str:
     )
 
 
+def limb_of(rigs: Iterable[Rig]) -> str:
+    """What in these rigs means that a limb is there; empty if nothing does."""
+    there = tuple(rigs)
+    limbs = {
+        "a suit": any(one.worn is not None for one in there),
+        "EMG": any(one.emg_run is not None for one in there),
+        "admittance": any(one.pushing is not None for one in there),
+    }
+    return next((what for what, means in limbs.items() if means), "")
+
+
 def require_watch(rig: Rig, beside: Iterable[Rig] = ()) -> None:
     """Refuse a limb in a rig whose drive nobody can see to take its torque off when its host dies.
 
@@ -247,19 +315,13 @@ def require_watch(rig: Rig, beside: Iterable[Rig] = ()) -> None:
     family, unseen = family_of(rig.drive), unseen_watch(rig)
     if not unseen or family.simulated(rig.drive):
         return
-    there = (rig, *beside)
-    limbs = (
-        ("a suit", any(one.worn is not None for one in there)),
-        ("EMG", any(one.emg_run is not None for one in there)),
-        ("admittance", any(one.pushing is not None for one in there)),
-    )
-    for what, means in limbs:
-        if means:
-            raise SafetyError(
-                f"{what} means a limb, and {family.unseen_watch(rig.drive)}",
-                expected="a drive whose watch over its host is tried or read back at every start",
-                do="take a drive of another family for a limb; this one is for a bare bench",
-            )
+    limb = limb_of((rig, *beside))
+    if limb:
+        raise SafetyError(
+            f"{limb} means a limb, and {family.unseen_watch(rig.drive)}",
+            expected="a drive whose watch over its host is tried or read back at every start",
+            do="take a drive of another family for a limb; this one is for a bare bench",
+        )
     if not family.no_limb(rig.drive):
         raise SafetyError(
             f"nobody has said that no limb is in this rig, and {family.unseen_watch(rig.drive)}",

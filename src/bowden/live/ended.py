@@ -60,7 +60,7 @@ class Ended(NamedTuple):
 
     def why_not(self, names: Sequence[str]) -> str:
         """Why the preflight failed, of several motors with their names; empty where it did not."""
-        failed = zip(names or ("",), self.motors, strict=False)
+        failed = zip(names, self.motors, strict=False)
         return "; ".join(f"{name}: {REASONS[one.reason]}".removeprefix(": ") for name, one in failed if one.reason)
 
 

@@ -61,37 +61,26 @@ class Changes:
         """Events of the next rows (n,) and (n, width), in their order; and who finds those of the rows after them."""
         if not len(rows):
             return [], self
-        first = self._last is None
-        number, row = (int(numbers[0]) - 1, np.full(rows.shape[1], np.nan)) if self._last is None else self._last
+        number, row = self._last or (-1, np.full(rows.shape[1], np.nan))
         before, earlier = np.concatenate([row[None], rows[:-1]]), np.concatenate([[number], numbers[:-1]])
-        events = []
-        if first and numbers[0] > 0:
-            events.append(
-                Event(
-                    int(numbers[0]),
-                    float(rows[0, self._time]),
-                    f"{counted(int(numbers[0]), 'row')} lost before this one",
-                )
-            )
+        events = list[Event]()
+
+        def add(i: int, text: str) -> None:
+            events.append(Event(int(numbers[i]), float(rows[i, self._time]), text))
+
         for i in np.flatnonzero(numbers - earlier > 1).tolist():
-            lost = int(numbers[i] - earlier[i]) - 1
-            events.append(
-                Event(int(numbers[i]), float(rows[i, self._time]), f"{counted(lost, 'row')} lost before this one")
-            )
+            add(i, f"{counted(int(numbers[i] - earlier[i]) - 1, 'row')} lost before this one")
         for label, name, at in self._watched:
             old, new = before[:, at], rows[:, at]
             for i in np.flatnonzero((old != new) & ~(np.isnan(old) & np.isnan(new))).tolist():
-                text = self._text(name, old[i], new[i])
-                if text:
-                    events.append(Event(int(numbers[i]), float(rows[i, self._time]), label + text))
+                if text := self._text(name, old[i], new[i]):
+                    add(i, label + text)
         for name, at, goal in self._gains:
             values, asked, was_asked = rows[:, at], rows[:, goal], before[:, goal]
             for i in np.flatnonzero((asked != was_asked) & ~np.isnan(was_asked)).tolist():
-                text = f"{name}: {before[i, at]:.6g} → {asked[i]:.6g} asked for"
-                events.append(Event(int(numbers[i]), float(rows[i, self._time]), text))
+                add(i, f"{name}: {before[i, at]:.6g} → {asked[i]:.6g} asked for")
             for i in np.flatnonzero((values == asked) & (before[:, at] != was_asked) & ~np.isnan(was_asked)).tolist():
-                text = f"{name}: {values[i]:.6g} in force"
-                events.append(Event(int(numbers[i]), float(rows[i, self._time]), text))
+                add(i, f"{name}: {values[i]:.6g} in force")
         events.sort(key=lambda event: event.number)
         return events, Changes(self._description, (int(numbers[-1]), rows[-1].copy()))
 

@@ -1,15 +1,20 @@
 """The estimate of the joint's angle in a live run: it stands between the drive's reading and all that go by it."""
 
 import math
+import statistics
+from collections import deque
 
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading
-from bowden.hardware.joint_stream import JointSamples
+from bowden.hardware.joint_stream import JointSamples, of_twin
 from bowden.rig.rig import Rig
-from bowden.sensing.joint_angle import JointEstimate, estimate_start, estimate_step
+from bowden.rig.settings import JointSensor
+from bowden.sensing.joint_angle import LATE, JointEstimate, estimate_start, estimate_step
 
 MOST_MISSED = 100
 """Cycles that one step makes up for at most."""
+RESTING = 1.0
+"""Over which a joint that is held still is read by its sensor [s]."""
 
 
 class LiveEstimate:
@@ -29,7 +34,10 @@ class LiveEstimate:
         self._step(self._model, estimate_start(self._model, 0.0), 0.0, 0.0, self._period)
         self._state: JointEstimate | None = None
         self._read = math.nan
-        self._samples = JointSamples(rig.joint_sensor) if rig.joint_sensor.sensed else None
+        limits = rig.supervisor_limits
+        self._speed, self._jump, self._motor, self._since = limits.motor_speed, limits.jump, math.nan, 0.0
+        sensor = of_twin(rig.joint_sensor, rig.drive)
+        self._samples = JointSamples(sensor) if sensor.sensed else None
 
     def wait(self) -> None:
         """Wait for the sensor's first sample.
@@ -49,9 +57,10 @@ class LiveEstimate:
             return reading._replace(joint=math.nan, joint_age=reading.motor_age)
         missed = 1 if math.isnan(self._read) else max(1, min(MOST_MISSED, round((now - self._read) / self._period)))
         self._read = now
+        motor = self._credible(reading.motor, now)
         for _ in range(missed - 1):
-            self._state = self._step(self._model, self._state, reading.motor, math.nan, self._period)
-        self._state = estimate = self._step(self._model, self._state, reading.motor, value, self._period)
+            self._state = self._step(self._model, self._state, motor, math.nan, self._period)
+        self._state = estimate = self._step(self._model, self._state, motor, value, self._period)
         return reading._replace(
             joint=estimate.angle,
             joint_age=reading.motor_age,
@@ -60,7 +69,52 @@ class LiveEstimate:
             joint_sensor=value,
         )
 
+    def _credible(self, motor: float, now: float) -> float:
+        """The motor's angle; NaN of one that no motor can have reached: it would move the joint's estimate with it."""
+        if abs(motor - self._motor) > self._jump + self._speed * (now - self._since):
+            return math.nan
+        if math.isfinite(motor):
+            self._motor, self._since = motor, now
+        return motor
+
     def close(self) -> None:
         """Leave the sensor's stream."""
         if self._samples is not None:
             self._samples.close()
+
+
+class RestingSensor:
+    """A joint's sensor beside a drive's reading while somebody holds the joint still.
+
+    Args:
+        sensor: of the rig, with a stream.
+        period: of a cycle [s].
+
+    Raises:
+        StreamError: its stream cannot be opened, or nothing comes.
+        MissingExtraError: see `JointSamples`.
+    """
+
+    def __init__(self, sensor: JointSensor, period: float) -> None:
+        self._samples = JointSamples(sensor)
+        try:
+            self._values = deque([self._samples.wait()], maxlen=max(1, round(RESTING / sensor.period)))
+        except BaseException:
+            self._samples.close()
+            raise
+        self._silent, self._late = 0, LATE * sensor.period / period
+
+    def shown(self, reading: DriveReading) -> DriveReading:
+        """The reading with the median of the sensor's last second as the joint's angle; none while it is silent."""
+        value = self._samples.look()
+        if math.isfinite(value):
+            self._values.append(value)
+            self._silent = 0
+        else:
+            self._silent += 1
+        there = self._silent <= self._late
+        return reading._replace(joint=statistics.median(self._values) if there else math.nan, joint_age=0.0)
+
+    def close(self) -> None:
+        """Leave the sensor's stream."""
+        self._samples.close()

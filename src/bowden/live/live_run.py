@@ -37,8 +37,8 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release, release_speed
-from bowden.sim.joint_of_rig import cabled_joint_of, joint_ranges
 from bowden.sim.parting import parting_of
+from bowden.sim.rig_runs import cabled_joint_of, joint_ranges
 
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
@@ -89,8 +89,8 @@ class Live:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the motors; empty where there is one."""
-        return tuple(motor.name for motor in self.several)
+        """Of the motors; one without a name where there is one."""
+        return tuple(motor.name for motor in self.motors)
 
     @property
     def independent(self) -> bool:
@@ -138,9 +138,8 @@ class Live:
 
     def columns(self) -> dict[str, str]:
         """Column → unit of the run's rows."""
-        if not self.several:
-            return self._columns(together=False)
-        return motor_columns.of_all({motor.name: motor._columns(together=True) for motor in self.several})
+        together = bool(self.several)
+        return motor_columns.of_all({motor.name: motor._columns(together=together) for motor in self.motors})
 
     def _columns(self, *, together: bool) -> dict[str, str]:
         emg, pushed = self.emg is not None, self.push() is not None
@@ -200,7 +199,8 @@ class Live:
         Raises:
             StreamError: the sensor's stream cannot be opened.
         """
-        return LiveEstimate(self.rig) if self.rig.joint_sensor.estimated else None
+        first = self.joint is None or self.joint.names[0] == self.name  # the other motors of a joint borrow it
+        return LiveEstimate(self.rig) if first and self.rig.joint_sensor.estimated else None
 
     def _push_settings(self) -> Mapping[str, Any]:
         spool = plain(self.needs.spool)
@@ -275,16 +275,15 @@ class Live:
             "reference": self.rig.trajectory.describe(),
             "seed": self.rig.seed,
             "rig": self.logged.document(),
-            **({"law_file": _where(law)} if isinstance(law, LawFile) and not self.measure else {}),
+            **(
+                {"law_file": law.path + law.name.rpartition(".py")[2]}
+                if isinstance(law, LawFile) and not self.measure
+                else {}
+            ),
             **({"emg": self.emg.settings()} if self.emg else {}),
             **({"push": self._push_settings()} if self.needs.torque_offset > 0.0 else {}),
             **({} if self.pushing is None else {"admittance": plain(self.source().settings)}),
         }
-
-
-def _where(law: LawFile) -> str:
-    """A user's law as ``FILE.py:NAME`` with the file's whole path."""
-    return law.path + law.name.rpartition(".py")[2]
 
 
 def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, joint_elsewhere: bool = False) -> Live:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.documented import finite
 from bowden.core.errors import ParameterError
 from bowden.core.units import DEGREES
 from bowden.cycle.one_cycle import TargetSource
@@ -18,10 +19,9 @@ from bowden.live import stops
 from bowden.live.events import EMERGENCY
 from bowden.live.figures import GainChange, Lateness, LogFacts, RecordedRun, TimedText, Tracked
 from bowden.live.gain_ramp import ASKED, IN_FORCE
-from bowden.live.lateness import figures
 from bowden.live.log_rig import hash_of
-from bowden.live.mcap_read import Recording, motors_of
-from bowden.live.mcap_reader import LogReader
+from bowden.live.machine import figures
+from bowden.live.mcap_read import LogReader, Recording, motors_of
 from bowden.live.outcome import outcome_of
 from bowden.records.metrics import rmse
 from bowden.rig.families import family_named
@@ -75,7 +75,7 @@ def facts(found: Recording) -> LogFacts:
         software={key: found.about[key] for key in _ABOUT if key in found.about},
         recorder=found.closing or {},
         columns=dict(zip(json.loads(found.about["columns"]), json.loads(found.about["units"]), strict=True)),
-        settings=_finite(settings),
+        settings=finite(settings),
         motors={name: tracked(part) for name, part in found.parts.items() if name},
     )
 
@@ -179,15 +179,6 @@ def _overruns(found: Recording) -> int | None:
     if "overruns" not in found.columns or not np.isfinite(found["overruns"]).any():
         return None
     return int(np.nansum(found["overruns"]))
-
-
-def _finite(value: Any) -> Any:
-    """Settings with None in place of a number that JSON does not have."""
-    if isinstance(value, dict):
-        return {key: _finite(part) for key, part in value.items()}
-    if isinstance(value, list):
-        return [_finite(part) for part in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _number(value: float) -> float | None:

@@ -9,7 +9,7 @@ from bowden.control.law_file import LawFile
 from bowden.core.errors import BowdenError, LogError
 from bowden.core.files import shortened
 from bowden.core.own_file import OwnFile
-from bowden.live.mcap_reader import LogReader
+from bowden.live.mcap_read import LogReader
 from bowden.rig.packing import own_files
 from bowden.rig.rig import Rig
 

@@ -22,8 +22,7 @@ from bowden.live.control_block import ControlBlock
 from bowden.live.ended import Ended, EndedMotor
 from bowden.live.gain_ramp import GainRamp, step_all
 from bowden.live.joint_estimate import LiveEstimate
-from bowden.live.ring import RingWriter
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import RecorderState, RingWriter
 from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.live.together import AxisCoordinator

@@ -60,7 +60,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.hardware.drives.of_rig import open_drive
     from bowden.hardware.ports import serial_of
     from bowden.hardware.realtime import Settings, become_realtime
-    from bowden.live import latch_file
+    from bowden.live import drive_memory
     from bowden.live.by_hand import require_same
     from bowden.live.control_block import ControlBlock
     from bowden.live.loop import Loop, MotorParts
@@ -100,8 +100,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         require_same([(motor.name, motor.rig, serial_of(one.drive)) for motor, one in each])
         asked = live.rig.live
         grants = become_realtime(Settings(asked.priority, asked.cpu, asked.lock_memory))
-        names = live.names or ("",)
-        named = [f"{name}: {drive}" if name else drive for name, drive in zip(names, drives, strict=True)]
+        named = [f"{name}: {drive}" if name else drive for name, drive in zip(live.names, drives, strict=True)]
         say("ready", {"drive": "; ".join(named), "drives": drives, "grants": [asdict(grant) for grant in grants]})
     except BaseException:
         with contextlib.ExitStack() as stack:  # each, whatever becomes of another one
@@ -114,12 +113,12 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         ended = loop.run()
     except SafetyError:
         for parameters in drives_of if given["remembers"] else ():  # by no fault that the supervisor knows
-            latch_file.write(parameters, 0)
+            drive_memory.keep_latch(parameters, 0)
         raise
     if given["remembers"]:  # the operator's process may be gone
         for parameters, end in zip(drives_of, ended.motors, strict=True):
             if end.mode == Mode.LATCHED:
-                latch_file.write(parameters, end.faults)
+                drive_memory.keep_latch(parameters, end.faults)
     say("ended", ended._asdict())
     return 0
 

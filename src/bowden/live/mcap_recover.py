@@ -11,7 +11,7 @@ from bowden.core.errors import LogError, OutputError
 from bowden.core.files import whole_file
 from bowden.live.figures import Damage, Recovery
 from bowden.live.mcap_log import LogFile
-from bowden.live.mcap_reader import LogReader, missing_of
+from bowden.live.mcap_read import LogReader, missing_of
 
 TAIL = 0.2
 """Most that a recorder on a healthy disk can have had in its hands when it was killed, not yet in the file [s]."""

@@ -10,9 +10,9 @@ from bowden.hardware.ports import torque_left
 from bowden.live.ended import SAID_NOTHING, Ended
 from bowden.live.figures import RunStop
 from bowden.live.mcap_read import Recording
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import RecorderState
 from bowden.live.session_motor import SessionMotor
-from bowden.live.stops import OF_THE_COMPUTER, STALLED, MotorFaults, remedy_of, split_root_causes, unattended
+from bowden.live.stops import OF_THE_COMPUTER, STALLED, MotorFaults, remedy_of, unattended
 from bowden.live.together import mode_of_all
 from bowden.safety import faults
 from bowden.safety.faults import Fault
@@ -126,10 +126,9 @@ def why(run: RunState) -> list[str]:
 
 def _faults(run: RunState) -> list[str]:
     """What came first with its remedy, and what followed from it; of several motors in the one that had it first."""
-    each = [(motor.name, motor.came) for motor in run.motors if motor.came]
-    if not each:
-        each = [("", dict.fromkeys(faults.of((run.ended or SAID_NOTHING).faults), 0.0))]
-    first, *others = sorted((MotorFaults(name, *split_root_causes(came), came) for name, came in each), key=_order)
+    each = [MotorFaults.of(motor.name, motor.came) for motor in run.motors if motor.came]
+    at_end = MotorFaults.of("", dict.fromkeys(faults.of((run.ended or SAID_NOTHING).faults), 0.0))
+    first, *others = sorted(each or [at_end], key=MotorFaults.order)
     where = f"{first.motor}: " if first.motor else ""
     found = [
         f"{where}{fault.meaning}; {remedy_of(fault, twin=run.on_twin, recorder=run.recorder, emg=run.emg)}"
@@ -138,7 +137,3 @@ def _faults(run: RunState) -> list[str]:
     later = [fault.meaning for fault in first.consequences]
     later += [f"{one.motor}: {fault.meaning}" for one in others for fault in (*one.causes, *one.consequences)]
     return found + ([f"as a consequence: {', '.join(later)}"] if later else [])
-
-
-def _order(one: MotorFaults) -> tuple[float, bool]:
-    return one.order() if one.came else (0.0, False)

@@ -5,7 +5,6 @@ of life, one writes a chunk 20 times a second, one syncs the disk once a second.
 memory, up to `MOST_WAITING` rows; then rows are dropped, and counted.
 """
 
-import argparse
 import contextlib
 import functools
 import os
@@ -13,7 +12,7 @@ import shutil
 import signal
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,8 +25,7 @@ from bowden.live.left_behind import sweep
 from bowden.live.mcap_layout import Packing, topics
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.provenance import provenance
-from bowden.live.ring import Batch, Description, RingReader
-from bowden.live.ring_status import RecorderState, Report
+from bowden.live.ring import Batch, Description, RecorderState, Report, RingReader
 
 DRAIN_EVERY = 10_000_000
 """[ns]"""
@@ -290,20 +288,16 @@ def _give_up(reader: RingReader, clock: TimeSource) -> None:
     reader.recorder.write(reader.recorder.read()._replace(state=RecorderState.FULL, heartbeat_ns=clock.now()))
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """``python -m bowden.live.recorder RING FILE [--rig REVISION]``."""
-    parser = argparse.ArgumentParser(prog="bowden.live.recorder", description="Drain a run's ring into an MCAP file.")
-    parser.add_argument("ring", type=Path)
-    parser.add_argument("file", type=Path)
-    parser.add_argument("--rig", default="", help="git revision of the rig.toml")
-    given = parser.parse_args(arguments)
+def main(arguments: Sequence[str]) -> int:
+    """``python -m bowden.live.recorder RING FILE [REVISION]``, with the git revision of the rig.toml."""
+    ring, file, *rig = arguments
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the operator's process ends the run
     with contextlib.suppress(OSError):
         os.nice(_NICE)
     try:
-        reader = RingReader(given.ring)
+        reader = RingReader(Path(ring))
         signal.signal(signal.SIGTERM, lambda *_: reader.recorder.stop())
-        record(given.ring, given.file, given.rig)
+        record(Path(ring), Path(file), *rig)
     except BowdenError as error:
         print(f"bowden: {error}", file=sys.stderr)
         return 2
@@ -313,4 +307,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -18,7 +18,7 @@ from bowden.cycle.torque_offset import COLUMNS, TorqueOffset
 from bowden.live.figures import Replay
 from bowden.live.gain_ramp import IN_FORCE
 from bowden.live.mcap_read import Recording
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import RecorderState
 from bowden.live.row import STOPPED, SUPERVISOR
 from bowden.live.run_settings import push_of
 from bowden.records.metrics import rmse

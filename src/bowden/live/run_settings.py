@@ -46,24 +46,6 @@ def plain(value: Any) -> Any:
     return {name: plain(part) for name, part in value._asdict().items()} if hasattr(value, "_asdict") else value
 
 
-def limits_of(settings: Mapping[str, Any]) -> Limits:
-    """The limits of a recorded run.
-
-    Raises:
-        LogError: they are not there, or of another version of bowden.
-    """
-    return _again(Limits, settings, "limits")
-
-
-def filters_of(settings: Mapping[str, Any]) -> Filters:
-    """The filters of a recorded run.
-
-    Raises:
-        LogError: they are not there, or of another version of bowden.
-    """
-    return _again(Filters, settings, "filters")
-
-
 def push_of(settings: Mapping[str, Any]) -> tuple[float, int, SpoolMap] | None:
     """Torque offset of a recorded run [N·m], its sub-steps and the map to its spool; None of a run without one.
 
@@ -73,7 +55,7 @@ def push_of(settings: Mapping[str, Any]) -> tuple[float, int, SpoolMap] | None:
     if "push" not in settings:
         return None
     given = settings["push"]
-    return float(given["torque"]), int(given["substeps"]), _again(SpoolMap, given, "spool")
+    return float(given["torque"]), int(given["substeps"]), recorded(SpoolMap, given, "spool")
 
 
 def source_of(settings: Mapping[str, Any]) -> references.Source:
@@ -84,10 +66,15 @@ def source_of(settings: Mapping[str, Any]) -> references.Source:
     """
     if "admittance" not in settings:
         return references.TABLE
-    return push_source(_again(Push, settings, "admittance"))
+    return push_source(recorded(Push, settings, "admittance"))
 
 
-def _again(kind: Any, settings: Mapping[str, Any], name: str) -> Any:
+def recorded(kind: Any, settings: Mapping[str, Any], name: str) -> Any:
+    """A part of a recorded run's settings as the NamedTuple that `plain` had: its limits, its filters.
+
+    Raises:
+        LogError: it is not there, or of another version of bowden.
+    """
     try:
         return _made(kind, settings[name])
     except (KeyError, TypeError, ValueError) as error:

@@ -9,7 +9,7 @@ from rich.table import Table
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import TargetSource
 from bowden.live.preflight import REASONS, Reason
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import RecorderState
 from bowden.live.session import Session
 from bowden.live.stops import remedy_of
 from bowden.safety import faults

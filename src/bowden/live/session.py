@@ -39,11 +39,10 @@ from bowden.live.mcap_read import read
 from bowden.live.outcome import RunState, outcome, why
 from bowden.live.provenance import rig_revision
 from bowden.live.recorder import check_room
-from bowden.live.ring import CAPACITY, FOLDER, RingReader, Row, create
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import CAPACITY, FOLDER, RecorderState, RingReader, Row, create
 from bowden.live.row import AT, description
 from bowden.live.session_motor import SessionMotor
-from bowden.live.stops import MotorFaults, split_root_causes
+from bowden.live.stops import MotorFaults
 from bowden.live.together import OF_ALL, mode_of_all, of_all
 from bowden.records.trace import Trace
 from bowden.rig.declaration import at, items_of
@@ -198,8 +197,8 @@ class Session:
             self.emg_process.go()
 
     def _record_to(self, log: Path) -> None:
-        words = (str(self._ring), str(log), "--rig", self._revision)
-        self._recorder = child.started("bowden.live.recorder", *words, stdin=subprocess.DEVNULL)
+        words = ("bowden.live.recorder", str(self._ring), str(log), self._revision)
+        self._recorder = child.started(*words, stdin=subprocess.DEVNULL)
         self._processes.append(self._recorder)
 
     def _record_again(self) -> None:
@@ -399,7 +398,7 @@ class Session:
         What the first motor has in place of what is said there of all has its name: ``hip.mode``.
         """
         found = dict(zip(self.rows.description.columns, row.tolist(), strict=True))
-        own = {f"{name}.{column}": found[column] for name in self.live.names[:1] for column in OF_ALL}
+        own = {f"{name}.{column}": found[column] for name in self.live.names[:1] if name for column in OF_ALL}
         of_each = [motor.of(found) for motor in self.motors]
         return found | own | of_all(of_each, independent=self.live.independent)
 
@@ -424,8 +423,7 @@ class Session:
         for motor in self.motors:
             own = motor.of(row)
             came = {fault: motor.came.get(fault, own["time"]) for fault in faults.of(own["faults"])}
-            if came:
-                found.append(MotorFaults(motor.name, *split_root_causes(came), came))
+            found += [MotorFaults.of(motor.name, came)] if came else []
         return sorted(found, key=MotorFaults.order)
 
     @property

@@ -12,7 +12,7 @@ from bowden.core.toml_text import quoted
 from bowden.rig.rig import Rig
 
 if TYPE_CHECKING:
-    from bowden.design.verdict import CheckVerdict
+    from bowden.design.other_law import CheckVerdict
     from bowden.live.session import Session
 
 
@@ -46,7 +46,7 @@ def live_session(
     """
     from bowden.design.forecast import foreseen, off_reference, own_run
     from bowden.design.objections import mismatches
-    from bowden.design.verdict import CheckVerdict, verdicts
+    from bowden.design.other_law import CheckVerdict, verdicts
     from bowden.live import left_behind
     from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
     from bowden.live.emg_process import EmgProcess
@@ -54,7 +54,7 @@ def live_session(
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin, prepared_loop
     from bowden.rig.families import family_of
-    from bowden.sim.joint_of_rig import laws_of
+    from bowden.sim.rig_runs import laws_of
 
     live = live_run(rig, measure=measure)
     for motor in () if twin else live.motors:  # another run's bus is refused at once; the drive claims it for good

@@ -8,7 +8,6 @@ heartbeat either, are a drive that has fallen silent.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from bowden.hardware.emg.intent_block import EmgLoss
 from bowden.live.figures import RunStop
 from bowden.live.mcap_read import Recording
-from bowden.live.ring_status import RecorderState
+from bowden.live.ring import RecorderState
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
@@ -127,6 +126,12 @@ class Stop(NamedTuple):
     """Largest age of the operator's sign of life in that time [s]."""
     emg: float = EmgLoss.NONE
     """Which `EmgLoss` it was, in a run by EMG."""
+    motor: str = ""
+    """Whose it is, in a run with several."""
+
+    def order(self) -> tuple[float, bool]:
+        """For sorting: what came first; of those at once, what has a cause of its own."""
+        return self.time, {*self.causes} <= {*faults.OF_OTHERS}
 
 
 def stops(log: Recording) -> list[Stop]:
@@ -136,6 +141,12 @@ def stops(log: Recording) -> list[Stop]:
         log: of the run, with the columns of `NEEDED`.
     """
     return list(_stops(log)) if len(log.rows) and {*_MUST} <= {*log.columns} else []
+
+
+def stops_of_each(log: Recording) -> list[Stop]:
+    """Every stop of every motor of a run, in their order."""
+    parts = log.parts.items()
+    return sorted((one._replace(motor=name) for name, part in parts for one in stops(part)), key=Stop.order)
 
 
 def _stops(log: Recording) -> Iterator[Stop]:
@@ -211,9 +222,14 @@ class MotorFaults(NamedTuple):
     came: Mapping[Fault, float]
     """When each came [s]."""
 
+    @classmethod
+    def of(cls, motor: str, came: Mapping[Fault, float]) -> "MotorFaults":
+        """Those of a motor, parted by `split_root_causes`."""
+        return cls(motor, *split_root_causes(came), came)
+
     def order(self) -> tuple[float, bool]:
         """For sorting: who had a fault first; of those at once, who has one of its own."""
-        return min(self.came.values()), {*self.causes} <= {*faults.OF_OTHERS}
+        return min(self.came.values(), default=0.0), {*self.causes} <= {*faults.OF_OTHERS}
 
 
 def run_stops(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> tuple[RunStop, ...]:
@@ -224,54 +240,36 @@ def run_stops(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> tuple
         limits: see `too_busy`.
         twin: likewise.
     """
-    if not log.motors:
-        return tuple(_said(stop, limits, twin=twin) for stop in stops(log))
-    found = [
-        _StopOf(name, stop, part.settings.get("limits", limits))
-        for name, part in log.parts.items()
-        for stop in stops(part)
-    ]
-    found.sort(key=lambda one: (one.stop.time, {*one.stop.causes} <= {*faults.OF_OTHERS}))
-    groups: list[list[_StopOf]] = []
-    for one in found:
-        alike = (
-            groups and not log.settings.get("independent") and one.motor not in [other.motor for other in groups[-1]]
-        )
-        if alike and one.stop.time - groups[-1][0].stop.time <= _SPREADS:
+    limits_of = {"": limits} | {str(one["name"]): one.get("limits", limits) for one in log.settings.get("motors") or ()}
+    groups: list[list[Stop]] = []
+    for one in stops_of_each(log):
+        together = groups and not log.settings.get("independent") and one.time - groups[-1][0].time <= _SPREADS
+        if together and one.motor not in [other.motor for other in groups[-1]]:
             groups[-1].append(one)
         else:
             groups.append([one])
-    return tuple(_said_of(group, len(log.motors), twin=twin) for group in groups)
-
-
-class _StopOf(NamedTuple):
-    motor: str
-    stop: Stop
-    limits: Mapping[str, Any]
+    return tuple(_said(group, limits_of, len(log.motors), twin=twin) for group in groups)
 
 
 _SPREADS = 0.05
 """Within this time a stop of one motor is that of the others, which see it a cycle later, or late cycles later [s]."""
 
 
-def _said(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> RunStop:
-    return RunStop(
-        round(stop.time, 6),
-        tuple(fault.meaning for fault in stop.causes),
-        tuple(remedy_of(fault, twin=twin, emg=stop.emg) for fault in stop.causes),
-        tuple(fault.meaning for fault in stop.consequences),
-        too_busy(stop, limits) or None,
-    )
-
-
-def _said_of(group: Sequence[_StopOf], count: int, *, twin: bool) -> RunStop:
-    """A stop of several motors: what came first, in which motor, and what followed in it and in the others."""
+def _said(group: Sequence[Stop], limits: Mapping[str, Mapping[str, Any]], count: int, *, twin: bool) -> RunStop:
+    """A stop in words; of several motors what came first, in which motor, and what followed in it and in the others."""
     first, *others = group
-    said = _said(first.stop, first.limits, twin=twin)
-    if len(group) == count and all(one.stop[:2] == first.stop[:2] for one in others):
-        return said
-    more = (f"{one.motor}: {fault.meaning}" for one in others for fault in (*one.stop.causes, *one.stop.consequences))
-    return replace(said, motor=first.motor, consequences=(*said.consequences, *more))
+    later = [fault.meaning for fault in first.consequences]
+    at_once = len(group) == count and all(one[:2] == first[:2] for one in others)
+    if not at_once:
+        later += [f"{one.motor}: {fault.meaning}" for one in others for fault in (*one.causes, *one.consequences)]
+    return RunStop(
+        round(first.time, 6),
+        tuple(fault.meaning for fault in first.causes),
+        tuple(remedy_of(fault, twin=twin, emg=first.emg) for fault in first.causes),
+        tuple(later),
+        too_busy(first, limits[first.motor]) or None,
+        None if at_once else first.motor or None,
+    )
 
 
 def lines(stop: RunStop, *, twin: bool = False) -> Iterator[str]:

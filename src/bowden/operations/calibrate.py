@@ -1,7 +1,7 @@
 """`calibrate joint`: a joint's sensor from known poses, and of an IMU a free motion, by hand and without power."""
 
 import sys
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,13 +28,6 @@ class JointCalibration(Result["JointSensor"]):
     """Angles at which the joint was held."""
     noise_deg: float
     """Standard deviation of a sample at rest."""
-    _: KW_ONLY
-    sensor: "JointSensor"
-
-    @property
-    def value(self) -> "JointSensor":
-        """The sensor, which ``rig.replace(joint_sensor=…)`` takes."""
-        return self.sensor
 
 
 def calibrate_joint(
@@ -79,7 +72,7 @@ def calibrate_joint(
     text = with_keys(rig.read_text(encoding="utf-8"), "joint_sensor", keys_of(found), str(rig))
     with whole_file(rig) as part:
         part.write_text(text, encoding="utf-8")
-    return JointCalibration(sensor.source, tuple(angles), degrees(found.noise), sensor=found)
+    return JointCalibration(sensor.source, tuple(angles), degrees(found.noise), made=found)
 
 
 def _uncalibrated(path: Path) -> "JointSensor":

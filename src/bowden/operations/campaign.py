@@ -1,7 +1,7 @@
 """`campaign`: thousands of closed loops on plants drawn at random, and what comes of them."""
 
 import shlex
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,8 +11,6 @@ from bowden.records.run_figures import Metrics
 from bowden.study.results import LawCampaign
 
 if TYPE_CHECKING:
-    from bowden.records.trace import Trace
-    from bowden.study.computed import Campaign
     from bowden.study.study import Study
 
 
@@ -39,13 +37,6 @@ class CampaignResult(Result[Any]):
     """That were there and damaged; they were computed again."""
     files: tuple[Path, ...]
     """The folder of the Parquet files, and the page."""
-    _: KW_ONLY
-    found: "Campaign"
-
-    @property
-    def value(self) -> "Campaign":
-        """The campaign."""
-        return self.found
 
 
 @dataclass(frozen=True)
@@ -71,13 +62,6 @@ class CampaignRun(Result[Any]):
     """One entry for each law."""
     files: tuple[Path, ...]
     """One Parquet file a law, and the page last."""
-    _: KW_ONLY
-    traces: "dict[str, Trace]"
-
-    @property
-    def value(self) -> "dict[str, Trace]":
-        """Name of the law → its trace."""
-        return self.traces
 
 
 def campaign(
@@ -160,7 +144,7 @@ def campaign(
         chunks_kept=found.kept,
         chunks_set_aside=len(found.notes),
         files=found.files,
-        found=found,
+        made=found,
         notes=tuple(filter(None, (found.enlarged, *found.notes))),
     )
 
@@ -184,7 +168,7 @@ def _alone(study: "Study", number: int, folder: Path) -> CampaignRun:
         CampaignRunOfLaw(law=name, ended=one.ended, **asdict(one.metrics())) for name, one in traces.items()
     )
     files = (*(folder / f"{name}.npz" for name in traces), folder / "simulate.html")
-    return CampaignRun(number, rig.hash, values, figures, files, traces=traces, notes=tuple(rig.notes))
+    return CampaignRun(number, rig.hash, values, figures, files, made=traces, notes=tuple(rig.notes))
 
 
 OPERATIONS = (

@@ -154,11 +154,6 @@ class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
     whole: "Rig"
 
     @property
-    def value(self) -> "Check | dict[str, Check]":
-        """The check; of several joints the name of each → its check."""
-        return self.checks if len(self.checks) > 1 else next(iter(self.checks.values()))
-
-    @property
     def exit_code(self) -> int:
         """1 where it does not hold, or a run refuses it."""
         return 0 if self.holds and not self.refusals else 1
@@ -202,7 +197,7 @@ def check(
     from bowden.core.errors import error_context
     from bowden.design.forecast import foreseen
     from bowden.design.objections import as_notes, objections, refuse_sources
-    from bowden.design.verdict import checked
+    from bowden.design.other_law import checked
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
 
@@ -227,6 +222,7 @@ def check(
         **(figures[worst] | {"rig": whole.hash}),
         joints=several,
         refusals=tuple(found_wrong),
+        made=checks if several else checks[worst],
         checks=checks,
         whole=whole,
         notes=(*given.notes_of(whole), *said),

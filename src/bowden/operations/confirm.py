@@ -25,7 +25,7 @@ class Confirmation(Result["Confirmation"]):
     told_deg: float
     """By how much the joint was seen to go."""
     joint_deg: float
-    """By how much it went by its encoder."""
+    """By how much it went by its encoder or its sensor; null where the motor alone says where it is."""
     motor_deg: float
     """By how much the motor went by its encoder."""
     file: Path
@@ -46,25 +46,34 @@ def confirm(rig: GivenRig, *, motor: str | None = None, channel: str | None = No
     Raises:
         ParameterError: there is no terminal, or the encoders say something else.
         DriveError: a bus or drive that cannot be used.
+        StreamError: the joint's sensor cannot be read.
     """
+    from math import nan
+
     from bowden.core.clock import MonotonicClock
     from bowden.core.errors import ParameterError
     from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.of_rig import open_drive
     from bowden.hardware.ports import serial_of
     from bowden.live import by_hand
+    from bowden.live.joint_estimate import RestingSensor
     from bowden.operations.support import given
 
     if not sys.stdin.isatty():
         raise ParameterError("there is no terminal to take an angle from", do="run it at a terminal, beside the rig")
     whole = given.rig_of(rig).only(motor).on_bus(channel)
-    drive = open_drive(whole.drive_parameters, whole.load_cell, Links())
+    sensor = whole.joint_sensor
     with contextlib.ExitStack() as stack:
+        at_joint = None  # it is opened first: while it is waited for, no drive is
+        if sensor.sensed:
+            at_joint = stack.enter_context(contextlib.closing(RestingSensor(sensor, whole.sample_time)))
+        drive = open_drive(whole.drive_parameters, whole.load_cell, Links())
         identity = drive.bring_up()
         stack.callback(lambda: say_torque(drive.close(), say))
         say(identity)
-        moved, before, after = by_hand.turned(drive, _line, say, MonotonicClock(), whole.sample_time)
+        moved, before, after = by_hand.turned(drive, _line, say, MonotonicClock(), whole.sample_time, sensor, at_joint)
     joint, spool = after.joint - before.joint, after.motor - before.motor
+    joint = nan if sensor.source == "motor" else joint
     kept = by_hand.confirm(whole, moved, joint, spool, serial_of(drive))
     return Confirmation(identity, degrees(moved), degrees(joint), degrees(spool), Path(kept))
 

@@ -84,7 +84,7 @@ def doctor(
     from bowden.hardware.emg.lsl_info import which
     from bowden.hardware.realtime import Settings, check_processor, privileges
     from bowden.live import machine
-    from bowden.live.lateness import EDGES_US, bare_loop_apart, figures, histogram
+    from bowden.live.machine import EDGES_US, bare_loop_apart, figures, histogram
     from bowden.operations.support.given import check_number
 
     check_number("time", time, 0.1, 3600.0)

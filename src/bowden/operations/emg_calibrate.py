@@ -35,14 +35,8 @@ class EmgCalibration(Result["MuscleCalibration"]):
     """How much was left out: dead electrodes, movement, mains and clicks, with the time in which filters ring after
     them."""
     _: KW_ONLY
-    wearer: "MuscleCalibration"
     little: tuple[str, ...] = ()
     """What was left out that is too little for a warning."""
-
-    @property
-    def value(self) -> "MuscleCalibration":
-        """The levels, which can be written and put into a rig."""
-        return self.wearer
 
 
 def emg_calibrate(
@@ -131,7 +125,7 @@ def emg_calibrate(
         found.sigma,
         found.channel,
         left_out,
-        wearer=found,
+        made=found,
         little=tuple(little),
         needless=tuple(needless),
         notes=tuple(notes),

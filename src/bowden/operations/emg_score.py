@@ -42,12 +42,7 @@ class EmgScore(DetectorScore, Result["Contractions"]):
     warnings: tuple[str, ...]
     """What was mended or guessed."""
     _: KW_ONLY
-    found: "Contractions"
-
-    @property
-    def value(self) -> "Contractions":
-        """The contractions."""
-        return self.found
+    made: "Contractions"
 
 
 def emg_score(
@@ -115,7 +110,7 @@ def emg_score(
         warnings=tuple(log.warnings),
         notes=tuple(log.warnings),
         needless=tuple(log.warnings),
-        found=whole,
+        made=whole,
     )
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from bowden.control import Law
-    from bowden.export.module import Module
+    from bowden.export.unit import Module
     from bowden.models.suit.suit_angle import SpoolMap
     from bowden.rig.counts import Counts
     from bowden.rig.rig import Rig
@@ -108,7 +108,7 @@ def export(
     from bowden.core.errors import ParameterError, near
     from bowden.core.files import output_folder, whole_files
     from bowden.design.objections import refusals
-    from bowden.design.verdict import verdicts
+    from bowden.design.other_law import verdicts
     from bowden.export.files import files
     from bowden.export.readme import TARGETS, YOURS, pages
     from bowden.operations.support import given
@@ -138,7 +138,7 @@ def export(
     said = _said(name, own, preset, float32=float32, encoders=encoders) + (f" Beware: {doubt}." if doubt else "")
     if whole.worn is None and whole.plant is None:
         said += f" Its gains are judged for {whole.servo_text}."
-    texts = pages(whole, own, modules, encoders, said, rate, single=float32)
+    texts = pages(whole, modules, encoders, said, rate, single=float32)
     for module in modules:
         single = float32 and module.prefix != "safety"  # what it adds up over minutes needs more than a float
         texts |= files(module, said, single=single)
@@ -179,8 +179,7 @@ def _modules(rig: "Rig", law: "Law", encoders: "Counts | SpoolMap", emg_rate: fl
         ParameterError: two modules of one name.
     """
     from bowden.core.errors import ParameterError
-    from bowden.export.law import law_module
-    from bowden.export.parts import course_module, emg_modules, safety_module
+    from bowden.export.modules import course_module, emg_modules, law_module, safety_module
     from bowden.rig.emg_run import course_of
     from bowden.sensing.detectors import detector_named
 

@@ -9,8 +9,7 @@ from bowden.operations.support.operation import Operation, Switch
 from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
-    from bowden.live.mcap_read import Recording
-    from bowden.live.mcap_reader import LogReader
+    from bowden.live.mcap_read import LogReader, Recording
 
 File = Annotated[Path, Switch(metavar="FILE")]
 
@@ -146,8 +145,7 @@ def log_export(file: File, *, out: Path | None = None, motor: str | None = None)
     """
     from itertools import chain
 
-    from bowden.live.mcap_read import traces
-    from bowden.live.mcap_reader import LogReader
+    from bowden.live.mcap_read import LogReader, traces
     from bowden.records.trace import write_traces
 
     target = _other(out or file.with_suffix(".csv"), file)
@@ -210,13 +208,15 @@ def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, m
 def _replayed(found: "Recording", law: str | None, motor: str) -> tuple[ReplayFigures, bool]:
     """How the replay of one motor compares, and whether it differs though the law is the one that ran."""
     from bowden.control import user_law
+    from bowden.cycle.one_cycle import Filters
     from bowden.live.log_replay import law_of, source_for
     from bowden.live.log_rig import hash_of
     from bowden.live.replay import replay as run
-    from bowden.live.run_settings import filters_of, limits_of
+    from bowden.live.run_settings import recorded
+    from bowden.safety.limits import Limits
 
     chosen, same = law_of(found, law)
-    limits, filters = limits_of(found.settings), filters_of(found.settings)
+    limits, filters = recorded(Limits, found.settings, "limits"), recorded(Filters, found.settings, "filters")
     period, source = float(found.settings["sample_time"]), source_for(found, chosen)
     with user_law.explained(chosen):
         result = run(found, chosen, limits, filters, period, same=same, source=source)

@@ -50,22 +50,16 @@ class TuneResult(Result["Tuning"]):
     study: JudgedByStudy | None
     """With --study: what the gains make of plants that they were not tuned against; null without."""
     _: KW_ONLY
-    tuning: "Tuning"
     motors: tuple[str | None, ...] = (None,)
     """In the gains of which motors these are; None of a rig with one motor."""
     alone: bool = False
     """True if one of several motors on one joint was tuned by itself."""
 
-    @property
-    def value(self) -> "Tuning":
-        """The tuning."""
-        return self.tuning
-
     def interruption(self) -> "BrokenOff":
         """With the best gains."""
         from bowden.design.tune import BrokenOff
 
-        return BrokenOff(self.tuning)
+        return BrokenOff(self.value)
 
 
 def tune(
@@ -132,7 +126,7 @@ def tune(
             found, broken = broken_off.tuning, True
     return TuneResult(
         **_figures(found, chosen),
-        tuning=found,
+        made=found,
         motors=shared.names if together and shared is not None else (motor,),
         alone=alone,
         notes=tuple(notes),

@@ -210,6 +210,7 @@ def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, c
 
 def _run(rig: "Rig", objects: list[str], until_orphaned: bool) -> Iterator[TwinStarted]:
     from bowden.core.clock import SECOND, MonotonicClock
+    from bowden.hardware.joint_stream import of_twin
     from bowden.hardware.twin.of_rig import attach_load_cell, played
     from bowden.hardware.twin.twin import raise_priority
     from bowden.live.left_behind import sweep
@@ -226,7 +227,7 @@ def _run(rig: "Rig", objects: list[str], until_orphaned: bool) -> Iterator[TwinS
     for twin, motor in zip(twins, joint.motors, strict=True):
         attach_load_cell(twin, motor.rig)
         if motor.rig.joint_sensor.sensed and motor.rig is joint.first:
-            twin.sense(motor.rig.joint_sensor, motor.rig.seed)
+            twin.sense(of_twin(motor.rig.joint_sensor, motor.rig.drive), motor.rig.seed)
     running, drive = twins[0], drives[0].drive
 
     def stop() -> None:

@@ -14,12 +14,13 @@ from bowden.models.cable.backlash import Play, push
 from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable, saturation, upright
 from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
 from bowden.models.cable.capstan import Tendon
-from bowden.models.cable.generalised_play import Branches, joined, mean_branch, push_slots, with_curve
+from bowden.models.cable.generalised_play import Branches, joined, mean_branch, push_slots
 from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.plants.bench import Bench, check_bouc_wen
 from bowden.plants.cable_body import Seen
 from bowden.plants.cable_plant import Cable, CablePlant
 from bowden.plants.friction_cables import lumped, sliding
+from bowden.plants.predicted import branches_of, numbered, whole_slope
 from bowden.plants.scheduled_cable import scheduled
 
 
@@ -270,13 +271,18 @@ def as_cable_plant(bench: Bench | CablePlant) -> CablePlant:
     return CablePlant(bouc_wen(bench.cable), **parts)
 
 
-def whole_slope(parameters: Mapping[str, float]) -> float:
-    """Joint motion per motor motion with all plays taken up, below 0 of a model that runs backwards [rad/rad].
+def moved(name: str, parameters: Mapping[str, float], motor: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The joint of `identified` along a motion of the motor, a hundredth of a second from sample to sample (n,) [rad].
 
-    Args:
-        parameters: of an identified model, by name; one of `DISTRIBUTED` has no slope among them.
+    Raises:
+        ParameterError: see `identified`.
     """
-    return parameters["slope"] + sum(value for name, value in parameters.items() if name.startswith("weight_"))
+    cable = identified(name, parameters)
+    memory, joints = cable.start(cable.prepared, float(motor[0]), 1.0, 1.0), np.empty(len(motor))
+    for i, after in enumerate(motor.tolist()):
+        memory = cable.advance(cable.prepared, memory, float(motor[max(i - 1, 0)]), after, 1.0, 1.0, 0.01)
+        joints[i] = cable.look(cable.prepared, memory, after, 1.0, 1.0).joint
+    return joints
 
 
 def _play(given: Mapping[str, float]) -> Cable:
@@ -284,22 +290,9 @@ def _play(given: Mapping[str, float]) -> Cable:
 
 
 def _stack(given: Mapping[str, float]) -> Cable:
-    widths, weights = _numbered(given, "half_width_"), _numbered(given, "weight_")
+    widths, weights = numbered(given, "half_width_"), numbered(given, "weight_")
     sign = -1.0 if whole_slope(given) < 0.0 else 1.0
     return stack(sign * given["slope"], widths, [sign * weight for weight in weights], given["offset"])
-
-
-def branches_of(given: Mapping[str, float]) -> Branches:
-    """The generalised play of reported parameters, by name; as it was recorded, not turned round.
-
-    Raises:
-        KeyError: one is missing.
-    """
-    bends, gaps, reaches, shares = (
-        np.array(_numbered(given, name), dtype=np.float64) for name in ("bend_", "gap_", "reach_", "share_")
-    )
-    ends = float(given["first_node"]), float(given["last_node"])
-    return with_curve(Branches(float(given["slope"]), bends, gaps, *ends, reaches, shares, float(given["offset"]), 0.0))
 
 
 def _generalised(given: Mapping[str, float]) -> Cable:
@@ -316,7 +309,7 @@ def _bouc_wen(given: Mapping[str, float]) -> Cable:
     cable = upright(cable)
     if "static_centre" not in given:
         return bouc_wen(cable)
-    static, heights = _numbered(given, "static_", first=2), _numbered(given, "hysteresis_gain_")
+    static, heights = numbered(given, "static_", first=2), numbered(given, "hysteresis_gain_")
     terms = StaticTerms(  # Tₖ(−u) = (−1)ᵏ·Tₖ(u), and h(−motor) = −h
         np.array([turned**k * value for k, value in enumerate(static, 2)]),
         np.array([turned ** (k + 1) * value for k, value in enumerate(heights, 1)]),
@@ -364,11 +357,6 @@ def _filled(default: Any, given: Mapping[str, float], cable: str) -> Any:
     return default._replace(**{name: type(getattr(default, name))(value) for name, value in given.items()})
 
 
-def _numbered(given: Mapping[str, float], prefix: str, first: int = 1) -> list[float]:
-    count = sum(key.startswith(prefix) and key.removeprefix(prefix).isdigit() for key in given)
-    return [given[f"{prefix}{k}"] for k in range(first, first + count)]
-
-
 _IDENTIFIED: dict[str, Any] = {
     "play": _play,
     "bouc_wen": _bouc_wen,
@@ -381,8 +369,6 @@ _IDENTIFIED: dict[str, Any] = {
     "scheduled": scheduled,
 }
 
-DISTRIBUTED = ("sliding", "lumped_coulomb", "lumped_dahl")
-"""Models of a tendon with friction all along its sheath (`bowden.plants.friction_cables`); no log is fitted to them."""
 _LUMPED = ("density", "inertia", "damping", "presliding", "step")
 _SWEPT, _SWEEP, _SWEEP_STEP = 1.0, 200, 0.01
 """Stroke of the motor [rad], in how many steps, and the time of each [s]."""

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -19,12 +20,10 @@ from bowden.core.guesses import Answering, answering
 from bowden.core.toml_text import quoted
 from bowden.models.cable import scheduled as scheduling
 from bowden.models.cable.bouc_wen import BoucWen
-from bowden.models.cable.capstan import Tendon
 from bowden.plants.cable_parameters import check_parameters, meaning
-from bowden.plants.cables import DISTRIBUTED, bouc_wen_like, distributed_parameters, identified, whole_slope
 from bowden.plants.counting import MODEL_FILE, NOT_SAID, Counting, Covered, Encoders
 from bowden.plants.model_file import log_lines, read_models
-from bowden.plants.predicted import SCHEDULED, cable_of, joint_along, scheduled_of
+from bowden.plants.predicted import DISTRIBUTED, SCHEDULED, cable_of, joint_along, scheduled_of, whole_slope
 from bowden.plants.recounted import recounted
 from bowden.plants.trust import Trust, trust_lines
 
@@ -97,7 +96,11 @@ class CableModel(metaclass=Answering):
         Raises:
             ParameterError: an unknown model, or a parameter that is missing.
         """
-        return joint_along(self.name, self.parameters, motor)
+        if self.name not in DISTRIBUTED:
+            return joint_along(self.name, self.parameters, motor)
+        from bowden.plants.cables import moved
+
+        return moved(self.name, self.parameters, motor)
 
     def to_bouc_wen(self) -> BoucWen:
         """The cable for simulation and control.
@@ -137,6 +140,8 @@ class IdentifiedCable:
     """Trust in the recommended model, with reasons; None where the file has none."""
     encoders: Encoders = field(default=NOT_SAID, compare=False)
     """One count of each encoder of the log, where the file says it."""
+    judged: float = field(default=math.nan, compare=False)
+    """Error of the recommended model on data that it had not seen; NaN where nothing says it [rad]."""
     digest: str = field(default="", compare=False)
     """A short name of the models as their file has them, by which a rig knows the one that it was made from."""
 
@@ -156,7 +161,11 @@ class IdentifiedCable:
     def parameters(self) -> dict[str, float]:
         """Parameters of that model that may be changed: all that its motion depends on, also those not in its file."""
         given = {name: value for name, value in self.model(self.simulated).parameters.items() if name not in _BEGUN}
-        return distributed_parameters(self.simulated) | given if self.simulated in DISTRIBUTED else given
+        if self.simulated not in DISTRIBUTED:
+            return given
+        from bowden.plants.cables import distributed_parameters
+
+        return distributed_parameters(self.simulated) | given
 
     @cached_property
     def lost(self) -> float:
@@ -182,6 +191,8 @@ class IdentifiedCable:
         Raises:
             ParameterError: no such parameter, or one that the model cannot have.
         """
+        from bowden.plants.cables import identified  # with all plants, which an identification need not load
+
         own = self.parameters
         for name in given:
             if name not in own:
@@ -285,6 +296,9 @@ _BEGUN = ("initial_h", "initial_lag")
 @lru_cache(16)
 def _like(parameters: tuple[tuple[str, float], ...]) -> BoucWen:
     """Of a distributed cable; moved slowly, one with mass is as the same tendon without."""
+    from bowden.models.cable.capstan import Tendon
+    from bowden.plants.cables import bouc_wen_like, identified
+
     return bouc_wen_like(identified("sliding", {k: value for k, value in parameters if k in Tendon._fields}))
 
 
@@ -298,18 +312,7 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
     Raises:
         ParameterError: no such file, not written by `write_model`, an unknown model, or an absurd parameter.
     """
-    return load_judged(path, name)[0]
-
-
-def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, float]:
-    """`load_cable`, and the error of the recommended model on data that it had not seen; NaN where nothing says [rad].
-
-    Raises:
-        ParameterError: see `load_cable`.
-    """
-    best, models, units, covered, trust, encoders, judged = read_models(Path(path))
-    about = {"units": units, "covered": covered, "trust": trust, "encoders": encoders}
-    return IdentifiedCable(best, models, name or str(Path(path)), **about), judged  # type: ignore[arg-type]
+    return IdentifiedCable(file=name or str(Path(path)), **read_models(Path(path))._asdict())
 
 
 def named(

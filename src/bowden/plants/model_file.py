@@ -12,9 +12,8 @@ from bowden.core.errors import ParameterError
 from bowden.core.units import DEGREES
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cable_parameters import LEAST_SLOPE, check_parameters
-from bowden.plants.cables import DISTRIBUTED, whole_slope
 from bowden.plants.counting import Covered, Encoders
-from bowden.plants.predicted import KNOWN, joint_along
+from bowden.plants.predicted import DISTRIBUTED, KNOWN, joint_along, whole_slope
 from bowden.plants.trust import Trust, trust_of
 
 
@@ -145,7 +144,12 @@ def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
     if name == "generalised_play":
         _check_branches(file, parameters)
     found = {key: float(value) for key, value in parameters.items()}
-    joint_along(name, found, np.zeros(2))  # names what is missing
+    if name in DISTRIBUTED:
+        from bowden.plants.cables import identified
+
+        identified(name, found)
+    else:
+        joint_along(name, found, np.zeros(2))  # names what is missing
     return found
 
 

@@ -12,10 +12,8 @@ from bowden.core.errors import ParameterError
 from bowden.models.cable import scheduled as scheduling
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
-from bowden.models.cable.generalised_play import joint_angle
+from bowden.models.cable.generalised_play import Branches, joint_angle, with_curve
 from bowden.models.cable.prandtl_ishlinskii import plays
-from bowden.plants.cable_plant import Cable
-from bowden.plants.cables import DISTRIBUTED, branches_of, identified
 
 Array = NDArray[np.float64]
 Parameters = Mapping[str, float]
@@ -84,6 +82,34 @@ def generalised_play(given: Parameters, motor: Array) -> Array:
     return joint_angle(motor, given["initial_lag"], branches_of(given))
 
 
+def whole_slope(parameters: Parameters) -> float:
+    """Joint motion per motor motion with all plays taken up, below 0 of a model that runs backwards [rad/rad].
+
+    Args:
+        parameters: of an identified model, by name; one of `DISTRIBUTED` has no slope among them.
+    """
+    return parameters["slope"] + sum(value for name, value in parameters.items() if name.startswith("weight_"))
+
+
+def branches_of(given: Parameters) -> Branches:
+    """The generalised play of reported parameters, by name; as it was recorded, not turned round.
+
+    Raises:
+        KeyError: one is missing.
+    """
+    bends, gaps, reaches, shares = (
+        np.array(numbered(given, name), dtype=np.float64) for name in ("bend_", "gap_", "reach_", "share_")
+    )
+    ends = float(given["first_node"]), float(given["last_node"])
+    return with_curve(Branches(float(given["slope"]), bends, gaps, *ends, reaches, shares, float(given["offset"]), 0.0))
+
+
+def numbered(given: Parameters, prefix: str, first: int = 1) -> list[float]:
+    """The values of prefix1, prefix2, … in this order."""
+    count = sum(key.startswith(prefix) and key.removeprefix(prefix).isdigit() for key in given)
+    return [given[f"{prefix}{k}"] for k in range(first, first + count)]
+
+
 PREDICTED: Mapping[str, Callable[[Parameters, Array], Array]] = {
     "line": line,
     "play": play,
@@ -98,18 +124,18 @@ NAMES = tuple(PREDICTED)
 """Every family's name that is fitted to a log, from the simplest on."""
 SCHEDULED = "scheduled"
 """The model of several logs, whose loop changes with the load or the bend (`bowden.models.cable.scheduled`)."""
+DISTRIBUTED = ("sliding", "lumped_coulomb", "lumped_dahl")
+"""Models of a tendon with friction all along its sheath (`bowden.plants.friction_cables`); no log is fitted to them."""
 KNOWN = (*NAMES, *DISTRIBUTED, SCHEDULED)
 """Every model that a cable may have."""
 
 
 def joint_along(name: str, parameters: Parameters, motor: Array) -> Array:
-    """Joint angle along a recorded motion of the motor, by a model of any name: (n,) [rad] → (n,) [rad].
+    """Joint angle along a recorded motion of the motor, by a model that is fitted to logs: (n,) [rad] → (n,) [rad].
 
     Raises:
         ParameterError: an unknown model, or a parameter that is missing.
     """
-    if name in DISTRIBUTED:
-        return _moved(identified(name, parameters), motor)
     if name == SCHEDULED:
         cable, values = scheduled_of(parameters)
         return scheduling.joint_angle(np.ascontiguousarray(motor, dtype=np.float64), cable, values)
@@ -127,12 +153,3 @@ def scheduled_of(parameters: Parameters) -> tuple[scheduling.ScheduledCable, tup
         return scheduling.cable_of(parameters)
     except KeyError as error:
         raise ParameterError(f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}") from None
-
-
-def _moved(cable: Cable, motor: Array) -> Array:
-    """The joint along a motion of the motor, a hundredth of a second from sample to sample (n,) [rad]."""
-    memory, joints = cable.start(cable.prepared, float(motor[0]), 1.0, 1.0), np.empty(len(motor))
-    for i, after in enumerate(motor.tolist()):
-        memory = cable.advance(cable.prepared, memory, float(motor[max(i - 1, 0)]), after, 1.0, 1.0, 0.01)
-        joints[i] = cable.look(cable.prepared, memory, after, 1.0, 1.0).joint
-    return joints

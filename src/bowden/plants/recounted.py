@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 from bowden.core.errors import ParameterError
 from bowden.models.cable import scheduled as scheduling
-from bowden.plants.cables import DISTRIBUTED, whole_slope
 from bowden.plants.counting import Counting
+from bowden.plants.predicted import DISTRIBUTED, whole_slope
 
 
 def fitted_range(parameters: Mapping[str, float]) -> tuple[float, float] | None:

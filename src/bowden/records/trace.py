@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import polars as pl
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _ROWS = 10_000
 """That are made text of at a time."""
@@ -79,7 +78,7 @@ def _meant(trace: "Trace", name: str) -> str:
     _meant,
 )
 @dataclass(frozen=True, repr=False)
-class Trace(metaclass=Answering):
+class Trace(shown.Plotted, metaclass=Answering):
     """The record of a run: signals sampled on one clock, with their units and the settings of the run.
 
     >>> t = np.linspace(0.0, 10.0, 1001)
@@ -95,8 +94,10 @@ class Trace(metaclass=Answering):
 
     The columns that every simulated run has are ``time``, ``reference``, ``reference_velocity``, ``joint`` (true),
     ``motor`` (true), ``joint_measured``, ``motor_measured``, ``command``, ``motor_velocity``, ``current``, ``width``
-    and ``slope``; the law's own state follows as ``law.<name>``.
+    and ``slope``; the law's own state follows as ``law.<name>``. Drawn: reference and joint, and the error.
     """
+
+    _panels = shown.Panels(2, 1, 7.0, 4.2)
 
     columns: dict[str, NDArray[np.float64]]
     """Name → values, all of one length (n,)."""
@@ -217,22 +218,6 @@ class Trace(metaclass=Answering):
             }
         return {name: self.array(name, units[name]) for name in self.columns}, units
 
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw reference and joint over time and, on a second pair of axes, the error.
-
-        Args:
-            axes: matplotlib's, one or two; a new figure is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes, or a trace without reference or joint.
-        """
-        found = shown.axes_for(axes, 2, 1, 7.0, 4.2)
-        self._draw(found)
-        return found
-
     def _draw(self, axes: "Sequence[Axes]") -> None:
         from bowden.drawing import motion_plot
 
@@ -242,20 +227,8 @@ class Trace(metaclass=Answering):
             motion_plot.draw_error(below, *signals)
         axes[-1].set_xlabel("time [s]")
 
-    def __repr__(self) -> str:
-        """One screen: what ran, its figures of merit, and the columns by their units."""
-        return shown.screen(self._title(), self._rows())
-
-    def _repr_html_(self) -> str:
-        figure = self._figure() if {"time", "reference", "joint"} <= set(self.columns) else None
-        return shown.fragment(self._title(), self._rows(), figure)
-
-    def _figure(self) -> "Figure":
-        from bowden.drawing.style import new_figure
-
-        figure, axes = new_figure(2, 1, height=4.2, share_x=True)
-        self._draw(axes)
-        return figure
+    def _drawable(self) -> bool:
+        return {"time", "reference", "joint"} <= set(self.columns)
 
     def _title(self) -> str:
         law = self.settings.get("law")

@@ -17,8 +17,10 @@ _DRAWN = {"time", "reference", "joint"}
 """Columns without which a trace has no figures of merit, and no curves."""
 
 
-class Traces(dict[str, Trace]):
-    """A dictionary, name → trace, that shows itself as a table of figures of merit and can be drawn.
+class Traces(shown.Plotted, dict[str, Trace]):
+    """A dictionary, name → trace, that shows itself as a table of figures of merit.
+
+    Drawn, it has all joints over time beside the first one's reference, and their errors.
 
     >>> import numpy as np
     >>> t = np.linspace(0.0, 10.0, 1001)
@@ -30,24 +32,10 @@ class Traces(dict[str, Trace]):
       yours  RMSE 0.396°, after 10 s 0.312°, peak 0.573°, delay 0.373 ms, hysteresis width 0°
     """
 
+    _panels = shown.Panels(2, 1, 7.0, 4.2)
+
     def __missing__(self, name: Any) -> Trace:
         raise UnknownNameError(f"there is no trace {name!r}", expected=near(str(name), self), do="name one of them")
-
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw all joints over time beside the first one's reference and, on second axes, their errors.
-
-        Args:
-            axes: matplotlib's, one or two; a new figure is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes, or a trace without reference or joint.
-        """
-        found = shown.axes_for(axes, 2, 1, 7.0, 4.2)
-        self._draw(found)
-        return found
 
     def _draw(self, axes: "Sequence[Axes]") -> None:
         from bowden.drawing.style import COLOURS, colours_for, legend, stay_near, thin
@@ -72,23 +60,19 @@ class Traces(dict[str, Trace]):
             below.set_ylabel("error [°]")
         axes[-1].set_xlabel("time [s]")
 
-    def __repr__(self) -> str:
-        """One screen: a line of figures of merit for each."""
+    def _rows(self) -> list[tuple[str, str]]:
         rows = []
         for name, cells in self._table():
             named = zip(_COLUMNS, cells, strict=False)
             rows.append((name, shown.listed(f"{what} {text}" for what, text in named if text) or "–"))
-        return shown.screen(self._title(), rows)
+        return rows
+
+    def _drawable(self) -> bool:
+        return bool(self) and all(set(trace.columns) >= _DRAWN for trace in self.values())
 
     def _repr_html_(self) -> str:
-        from bowden.drawing.style import new_figure
-
-        figure = None
-        if self and all(set(trace.columns) >= _DRAWN for trace in self.values()):
-            figure, axes = new_figure(2, 1, height=4.2, share_x=True)
-            self._draw(axes)
         rows = [(name, *(text or "–" for text in cells)) for name, cells in self._table()]
-        return shown.table(self._title(), ["law", *_COLUMNS], rows, figure)
+        return shown.table(self._title(), ["law", *_COLUMNS], rows, self._picture())
 
     def _title(self) -> str:
         return f"{len(self)} trace{'s' if len(self) != 1 else ''}"

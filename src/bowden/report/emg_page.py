@@ -1,6 +1,6 @@
 """The page of ``bowden emg score``: the signal, what was found in it, and by which threshold."""
 
-from bowden.design.contractions_figure import signal_figure, with_unit
+from bowden.design.contractions import signal_figure, with_unit
 from bowden.identify.emg.detector_score import DetectorScore
 from bowden.identify.emg.log import EmgLog
 from bowden.identify.emg.score import Findings, Spans

@@ -134,6 +134,12 @@ class Page:
         number = 1 + sum(part.kind == "figure" for part in self._parts)
         self._parts.append(_Figure(_inline(figure, number), caption, number))
 
+    def part(self, heading: str, figure: "Figure | None", caption: str) -> None:
+        """A heading with a figure below it; nothing of what has no figure."""
+        if figure is not None:
+            self.heading(heading)
+            self.figure(figure, caption)
+
     def table(
         self, header: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "", classes: Sequence[str] = ()
     ) -> None:

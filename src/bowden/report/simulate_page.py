@@ -6,7 +6,6 @@ from bowden.drawing.style import colours_for
 from bowden.records.run_figures import NO_FIGURES, Metrics
 from bowden.records.trace import Trace
 from bowden.report import simulate_figures as figures
-from bowden.report import suit_figures
 from bowden.report.page import Page, flat
 
 _CUT = " Where a curve leaves its panel, the panel says how far it goes on."
@@ -42,58 +41,53 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
         + (_CUT if any(not trace.stable for trace in traces.values()) else ""),
     )
     page.figure(figures.error(traces, colours), "Error, joint − reference.")
-    page.heading("Hysteresis that is left")
-    page.figure(
+    page.part(
+        "Hysteresis that is left",
         figures.loops(traces, colours),
         "Coloured: joint over reference; a law that compensates everything draws the thin diagonal. Grey: joint over "
         "motor, the cable's own loop. Both axes have the same scale.",
     )
     if all("command" in trace.columns for trace in traces.values()):
-        page.heading("Commands to the motor")
-        page.figure(
+        page.part(
+            "Commands to the motor",
             figures.effort(traces, colours),
             "Command to the motor; command − reference, which is the compensation itself"
             + ("; the motor's current." if "current" in next(iter(traces.values())).columns else "."),
         )
     if _is_shared(traces):
-        page.heading("What each cable pulls")
-        page.figure(
+        page.part(
+            "What each cable pulls",
             figures.pulls(traces, colours),
             "Torque of each cable on the joint that they share; 0 where it is slack.",
         )
-    if suit_figures.is_suit(traces):
-        page.heading("Forces of the suit")
-        page.figure(
-            suit_figures.tensions(traces),
+    if figures.is_suit(traces):
+        page.part(
+            "Forces of the suit",
+            figures.tensions(traces),
             "Tension of both cables where they pull at the arm, and dotted where they leave the spool: the difference "
             "is friction in the sheath.",
         )
         page.figure(
-            suit_figures.torques(traces, colours),
+            figures.torques(traces, colours),
             "Torque of the suit on the elbow, torque of the wearer's muscles (where they do anything), and temperature "
             "of the motor's winding.",
         )
-    if suit_figures.is_pushed(traces):
-        page.heading("Push of the wearer")
-        page.figure(
-            suit_figures.pushes(traces, colours),
+    if figures.is_pushed(traces):
+        page.part(
+            "Push of the wearer",
+            figures.pushes(traces, colours),
             "Above: torque of the wearer on the suit, without the weight that the suit carries, as the admittance "
             "measures it. Below: torque of the suit on the elbow, and its estimate without a load cell.",
         )
     for name, trace in traces.items():
-        drawn = figures.law_states(trace, colours[name])
-        if drawn is not None:
-            page.heading(f"Inside {name}")
-            page.figure(
-                drawn,
-                f"The state of {name} over time, each variable between its smallest and its largest value (right), "
-                f"in SI "
-                "units and radians.",
-            )
-    moved = figures.sheath(traces)
-    if moved is not None:
-        page.heading("How the sheath was moved")
-        page.figure(moved, "Width and slope of the cable's hysteresis over time, as the bend of the sheath sets them.")
+        page.part(
+            f"Inside {name}",
+            figures.law_states(trace, colours[name]),
+            f"The state of {name} over time, each variable between its smallest and its largest value (right), in SI "
+            "units and radians.",
+        )
+    moved = "Width and slope of the cable's hysteresis over time, as the bend of the sheath sets them."
+    page.part("How the sheath was moved", figures.sheath(traces), moved)
     page.heading("What made these runs")
     page.text("Angles are in radians, everything else in SI units.")
     _settings_table(page, traces)

@@ -9,8 +9,8 @@ import numpy as np
 from bowden.core.errors import counted
 from bowden.core.quantity import Quantity, declared
 from bowden.core.units import DEGREES, HERTZ
-from bowden.drawing.shown import axes_for, fragment, listed, number, screen
-from bowden.drawing.style import COLOURS, new_figure, thin
+from bowden.drawing.shown import listed, number
+from bowden.drawing.style import COLOURS, thin
 from bowden.plants.cable_parameters import parameter_lines
 from bowden.plants.identified import IdentifiedCable
 
@@ -65,25 +65,6 @@ def _own(rig: Any) -> str:
     plant = rig.own_plant
     numbers = [f"{name} {value:.4g}" for name, value in plant.parameters._asdict().items() if isinstance(value, float)]
     return f"{plant.name} of {plant.path.name}: {', '.join(numbers)}"
-
-
-def text(rig: Any) -> str:
-    """One screen."""
-    return screen(f"Rig {rig.hash}", rows(rig))
-
-
-def page(rig: Any) -> str:
-    """A table and a picture, as HTML."""
-    figure, axes = new_figure(2, 1, height=3.6, share_x=True)
-    draw(axes, rig)
-    return fragment(f"Rig {rig.hash}", rows(rig), figure)
-
-
-def plot(rig: Any, axes: "Axes | Sequence[Axes] | None") -> "list[Axes]":
-    """See `Rig.plot`."""
-    found = axes_for(axes, 2, 1, 7.0, 3.6)
-    draw(found, rig)
-    return found
 
 
 def draw(axes: "Sequence[Axes]", rig: Any) -> None:

@@ -7,8 +7,7 @@ from typing import Any
 from bowden.core.errors import ParameterError, StreamError
 from bowden.core.registry import resolve
 from bowden.core.units import RADIANS
-from bowden.rig.emg_setup import identity
-from bowden.rig.settings import EmgSettings
+from bowden.rig.settings import EmgSettings, identity
 from bowden.sensing.course import CourseSettings
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT, detector_named

@@ -7,8 +7,14 @@ from bowden.core.units import RADIANS
 from bowden.rig.settings import JointSensor
 from bowden.sensing.joint_angle import LENGTH, JointModel
 
-STREAMS = {"udp": "udp:PORT (of this computer alone), udp:ADDRESS:PORT", "lsl": "lsl:NAME"}
+STREAMS = {
+    "udp": "udp:PORT (from this computer alone), udp:0.0.0.0:PORT (from others too), udp:ADDRESS:PORT",
+    "serial": "serial:DEVICE (at 115200 baud), serial:DEVICE@BAUD",
+    "lsl": "lsl:NAME",
+}
 """Kind of a stream → how it is named."""
+BAUD = "115200"
+"""Of a serial line of which none is said."""
 
 
 def model_of(sensor: JointSensor, slope: float, zero: float, play: float) -> JointModel:
@@ -28,8 +34,11 @@ def model_of(sensor: JointSensor, slope: float, zero: float, play: float) -> Joi
 
 
 def address_of(sensor: JointSensor) -> tuple[str, tuple[str, int]]:
-    """Kind of its stream, with name or address, and port; 0 for none."""
+    """Kind of its stream, with name or address, and port or baud rate; 0 for none."""
     kind, _, rest = (sensor.stream or "").partition(":")
+    if kind == "serial":
+        device, _, baud = rest.partition("@")
+        return kind, (device, int(baud or BAUD) if (baud or BAUD).isdecimal() else 0)
     if kind != "udp":
         return kind, (rest, 0)
     host, _, port = rest.rpartition(":")
@@ -53,6 +62,12 @@ def check(sensor: JointSensor, sample_time: float, joint_std: float) -> None:
             expected=f"less than limits.joint_std_deg, {joint_std / RADIANS:.4g}: no sensor makes the angle surer",
             do="fit a sensor at the joint, or raise that limit, if the law and the wearer bear it",
         )
+    if not joint_std > 0.0:
+        raise ParameterError(
+            "limits.joint_std_deg is 0",
+            expected="more: no estimate is that sure",
+            do="correct it in [limits], or leave it out",
+        )
     if not sensor.sensed:
         return
     kind, where = address_of(sensor)
@@ -63,8 +78,9 @@ def check(sensor: JointSensor, sample_time: float, joint_std: float) -> None:
     rules = (
         ("stream", kind in STREAMS and bool(where[0]), " or ".join(STREAMS.values())),
         ("stream", kind != "udp" or 1024 <= where[1] <= 65535, "a port from 1024 to 65535"),
+        ("stream", kind != "serial" or where[1] >= 1200, "a baud rate from 1200 behind @"),
         ("gives", not stretch or sensor.gives == "angle", '"angle" of a stretch sensor, or leave it out'),
-        ("bodies", sensor.bodies == 1 or sensor.gives != "angle", '1, or gives = "quaternion" or "inertial"'),
+        ("bodies", sensor.bodies == 1 or sensor.gives == "quaternion", '1, or gives = "quaternion"'),  # one heading
         ("axis", len(sensor.axis) == 3 and abs(length - 1.0) < 0.01, "three numbers, a vector of length 1"),
         ("zero", len(sensor.zero) == 4 and abs(turn - 1.0) < 0.01, "four numbers, a quaternion of length 1"),
         ("curve_values", not stretch or curve >= 2, "two readings at least; bowden calibrate joint writes them"),

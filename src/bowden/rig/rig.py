@@ -14,6 +14,7 @@ from bowden.core.guesses import Answering, answering
 from bowden.core.part import signed
 from bowden.core.registry import Derived, resolve
 from bowden.core.toml_text import quoted
+from bowden.drawing.shown import Panels, Plotted, screen
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
 from bowden.models.cable.sheath_path import BendPath
@@ -25,7 +26,6 @@ from bowden.plants.bends import Bend, ConstantBend
 from bowden.plants.counting import Encoders
 from bowden.plants.push_settings import AdmittanceSettings
 from bowden.plants.suit_settings import SuitSettings, WearerSettings
-from bowden.rig import emg_setup
 from bowden.rig.checked import Gains, checked, shown
 from bowden.rig.families import DriveNeeds, family_of
 from bowden.rig.given import CableLike, GivenLaw, GivenPlant, check_whole, settle
@@ -42,7 +42,7 @@ from bowden.rig.sections import (
     Scenario,
     drive_part,
 )
-from bowden.rig.settings import EmgSettings, JointSensor, LiveSettings
+from bowden.rig.settings import EmgSettings, JointSensor, LiveSettings, found_emg
 from bowden.rig.tree import of_rig, read_values, values_of, written
 from bowden.safety.limits import Limits
 from bowden.sensing import wearer_file
@@ -93,8 +93,10 @@ _CLOCK, _SCENARIO, _CONTROL = Clock(), Scenario(), Control()
 )
 @signed
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Rig(metaclass=Answering):
+class Rig(Plotted, metaclass=Answering):
     """Everything that a run needs; the default is the bench of the paper. All numbers are in SI and radians.
+
+    Drawn are the reference over the run and, below it, how the sheath is bent.
 
     Files that it names (a cable's model, a recorded motion, a wearer, a law) are read when the rig is made and are part
     of it: what is checked is what runs. A part may also be given by those of its fields that differ from the default,
@@ -109,6 +111,8 @@ class Rig(metaclass=Answering):
     Raises:
         ParameterError: a value of the wrong type or out of its range, with its name and what was expected.
     """
+
+    _panels = Panels(2, 1, 7.0, 3.6)
 
     cable: CableLike = DEFAULT_CABLE
     """Its parameters by hand, or what an identification says of it."""
@@ -396,7 +400,7 @@ class Rig(metaclass=Answering):
                     do="call it first",
                 )
             emg = emg._replace(levels=wearer, wearer=emg.wearer or "wearer.toml")
-        return self.replace(emg=emg_setup.found(emg, Path(self.origin).parent, source))
+        return self.replace(emg=found_emg(emg, Path(self.origin).parent, source))
 
     def offline(self, *, whole: bool = False) -> "Rig":
         """The same rig for a simulation: with EMG, the reference is the motion that its recording asks for.
@@ -493,25 +497,17 @@ class Rig(metaclass=Answering):
 
     def __str__(self) -> str:
         """One screen: hash, law, cable, servo, encoders, clock, reference and scenario."""
-        return str(resolve("rig.display:text")(self))
+        return screen(self._title(), self._rows())
 
-    def _repr_html_(self) -> str:
-        return str(resolve("rig.display:page")(self))
+    def _title(self) -> str:
+        return f"Rig {self.hash}"
 
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw the reference over the run and, on second axes, how the sheath is bent.
-
-        Args:
-            axes: matplotlib's, one or two; a new figure is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes.
-        """
-        found: list[Axes] = resolve("rig.display:plot")(self, axes)
+    def _rows(self) -> list[tuple[str, str]]:
+        found: list[tuple[str, str]] = resolve("rig.display:rows")(self)
         return found
+
+    def _draw(self, axes: "Sequence[Axes]") -> None:
+        resolve("rig.display:draw")(axes, self)
 
     @property
     def identified(self) -> bool:

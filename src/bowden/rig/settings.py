@@ -1,10 +1,14 @@
-"""Sections of a rig that are not one part's own parameters: live loop, joint sensor and EMG."""
+"""Sections of a rig that are not one part's own: live loop, joint sensor and EMG, with what [emg] names."""
 
+import hashlib
+from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
+from bowden.core.bounded import open_file
 from bowden.core.guesses import answering_fields
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
+from bowden.sensing import wearer_file
 from bowden.sensing.course import CourseSettings
 from bowden.sensing.wearer_file import MuscleCalibration
 
@@ -39,7 +43,9 @@ class JointSensor(NamedTuple):
         Literal["encoder", "imu", "stretch", "motor"],
         Quantity("encoder: by [drive]; motor: the cable's model alone"),
     ] = "encoder"
-    stream: Annotated[str | None, Quantity("udp:PORT, udp:ADDRESS:PORT or lsl:NAME", example="udp:5005")] = None
+    stream: Annotated[
+        str | None, Quantity("udp:PORT, udp:ADDRESS:PORT, serial:DEVICE@BAUD or lsl:NAME", example="udp:5005")
+    ] = None
     gives: Annotated[
         Literal["angle", "quaternion", "inertial"],
         Quantity("imu: °; w, x, y, z; or rates [°/s] and accelerations [g]"),
@@ -109,3 +115,36 @@ class EmgSettings(NamedTuple):
     """The source as this machine finds it, with a recording's whole path."""
     recording: str = ""
     """SHA-256 of the recording that the source names."""
+
+
+def found_emg(given: EmgSettings, folder: Path, source: str | None = None) -> EmgSettings:
+    """The settings with what they name looked up: the wearer's levels, and a recording's place and identity.
+
+    Args:
+        given: the settings.
+        folder: where their files are found from.
+        source: in place of theirs; its file is found from here.
+
+    Raises:
+        ParameterError: a wearer's file that cannot be used.
+    """
+    named = given.source if source is None else source
+    if given.wearer is not None and given.levels is None and (named or (folder / given.wearer).exists()):
+        given = given._replace(levels=wearer_file.read(folder / given.wearer))
+    if named is None:
+        return given
+    given = given._replace(source=named)
+    kind, _, rest = named.partition(":")
+    if kind != "file":
+        return given._replace(place="", recording="")
+    path = (Path() if source is not None else folder) / rest
+    return given._replace(place=f"file:{path}", recording=identity(path))
+
+
+def identity(path: Path) -> str:
+    """SHA-256 of a file; empty where it cannot be read, which whoever opens it says better."""
+    try:
+        with open_file(path) as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, ValueError):
+        return ""

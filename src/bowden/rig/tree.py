@@ -16,7 +16,7 @@ from bowden.core.registry import resolve
 from bowden.core.toml_text import quoted
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.counting import MODEL_FILE, Counting
-from bowden.rig import emg_setup, motors
+from bowden.rig import motors
 from bowden.rig.checked import Gains
 from bowden.rig.config import checked_file, explained, read_toml
 from bowden.rig.declaration import Section, in_file, items_of, value_of
@@ -35,7 +35,7 @@ from bowden.rig.sections import (
     Scenario,
     drive_part,
 )
-from bowden.rig.settings import EmgSettings
+from bowden.rig.settings import EmgSettings, found_emg
 
 
 def read_values(path: Path) -> dict[str, Any]:
@@ -171,7 +171,7 @@ def _reference(section: Any, path: Path, before: Any) -> Trajectory:
 def _emg(given: EmgSettings, path: Path, before: Any) -> EmgSettings:
     if isinstance(before, EmgSettings) and (before.source, before.wearer) == (given.source, given.wearer):
         return given._replace(levels=before.levels, place=before.place, recording=before.recording)
-    return emg_setup.found(given, path.parent)
+    return found_emg(given, path.parent)
 
 
 def tree_of(values: Mapping[str, Any], *, of_process: bool = False) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Made-up surface EMG: a muscle at rest under everything that is no contraction, and contractions of known onset."""
 
+import math
 from collections.abc import Sequence
 from enum import StrEnum
 from typing import NamedTuple
@@ -162,6 +163,29 @@ def disturb(
     else:
         part += size * np.sin(2.0 * np.pi * n / count)
     return count / rate
+
+
+def hum(rate: float, count: int, mains: float, harmonics: float, random: np.random.Generator) -> Array:
+    """Mains at an RMS of 1, whose size and frequency wander, with harmonics up to the ninth, (count,).
+
+    Args:
+        rate: samples a second [Hz].
+        count: samples.
+        mains: frequency; it wanders by ± 0.1 Hz [Hz].
+        harmonics: share of the third one; others have less [–].
+        random: where it comes from.
+    """
+    time = np.arange(count) / rate
+    duration = max(float(time[-1]), 1e-9)
+    knots = np.linspace(0.0, duration, 3 + int(duration / 8.0))
+    wander = np.interp(time, knots, random.uniform(-0.1, 0.1, len(knots)))
+    phase = 2.0 * math.pi * np.cumsum(mains + wander) / rate
+    out = np.sin(phase)
+    for k, share in ((2, 0.3), (3, 1.0), (4, 0.15), (5, 0.6), (7, 0.4), (9, 0.2)):
+        if k * mains < 0.45 * rate:
+            out += harmonics * share * random.uniform(0.3, 1.0) * np.sin(k * phase + random.uniform(0.0, 6.3))
+    out *= np.interp(time, knots, random.uniform(0.7, 1.3, len(knots)))
+    return out / max(float(np.std(out)), 1e-12)
 
 
 def _filtered(values: Array, order: int, edges: float | tuple[float, float], rate: float) -> Array:

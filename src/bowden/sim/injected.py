@@ -1,17 +1,18 @@
 """Faults that can be injected into a cycle while it runs: at the sensors, the bus, the drive, the clock, the law.
 
-One table for all loops: the sensors of a simulation (`bowden.sim.faulty`), the fault matrix, and the live loop on a
+One table for all loops: the sensors of a simulation (`faulty`), the fault matrix, and the live loop on a
 simulated drive. What breaks in drive, cable, clock and law is done by the loop of those two (`tests/support`).
 """
 
+import math
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.kernel import kernel, noinline, placeholder
+from bowden.core.signals import DriveReading, DriveState, Sample
 
 NOT_READY, DISABLED = float(DriveState.NOT_READY_TO_SWITCH_ON), float(DriveState.SWITCH_ON_DISABLED)
 SWITCHED_ON, ENABLED, FAULT = (
@@ -189,3 +190,34 @@ def misread(
         reading.joint_std,
         reading.joint_sensor,
     )
+
+
+class SensorFault(NamedTuple):
+    """What goes wrong, and when."""
+
+    kind: Injected = Injected.NOTHING
+    """Of the joint's or the motor's angle."""
+    begin: int = 0
+    """First cycle."""
+    end: int = 0
+    """The cycle after the last."""
+
+
+@placeholder
+def as_it_is(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
+    """The sample: where nothing goes wrong, this is compiled into the loop in place of `faulty`."""
+    return sample
+
+
+@noinline
+def faulty(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
+    """What the law is shown in cycle k; `kept` (2, n) holds the true readings for faults that look back."""
+    kept[0, k], kept[1, k] = sample.joint, sample.motor
+    if not fault.begin <= k < fault.end:
+        return sample
+    true = DriveReading(
+        sample.motor, sample.joint, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        sample.joint_age, sample.joint_std, math.nan,
+    )  # fmt: skip
+    misread_sample = misread(fault.kind, k - fault.begin, true, kept[0], kept[1], k)
+    return Sample(misread_sample.joint, misread_sample.motor, sample.joint_age, sample.joint_std)

@@ -36,8 +36,7 @@ from bowden.plants.plant import (
     sheath_path,
 )
 from bowden.records.trace import Trace
-from bowden.sim.faulty import SensorFault, as_it_is, faulty
-from bowden.sim.injected import Injected
+from bowden.sim.injected import Injected, SensorFault, as_it_is, faulty
 
 Array = NDArray[np.float64]
 

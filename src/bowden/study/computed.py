@@ -33,7 +33,7 @@ class Partway(KeyboardInterrupt):
 
 
 @dataclass(frozen=True, repr=False)
-class Campaign:
+class Campaign(shown.Shown):
     """A study that was run."""
 
     study: Study
@@ -64,13 +64,6 @@ class Campaign:
         """
         return run_alone(self.study, number)
 
-    def __repr__(self) -> str:
-        """One screen: each law's errors over all plants."""
-        return shown.screen(self._title(), self._rows())
-
-    def _repr_html_(self) -> str:
-        return shown.fragment(self._title(), self._rows())
-
     def _title(self) -> str:
         return f"Campaign {self.study.path.stem}: {self.study.file.runs} plants, {len(self.study.laws)} laws"
 
@@ -93,7 +86,7 @@ def run_alone(study: Study, number: int) -> dict[str, Trace]:
         ParameterError: there is no such run.
     """
     from bowden.control import user_law
-    from bowden.sim.one_run import run_of
+    from bowden.sim.rig_runs import run_of
 
     runs = study.file.runs
     if not (isinstance(number, int) and 0 <= number < runs):

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bowden.core.units import DEGREES
-from bowden.sim.many import Outcome, simulate_many
-from bowden.sim.suit_figures import SuitOutcome, simulate_suits
+from bowden.sim.many import Outcome, SuitOutcome, simulate_many, simulate_suits
 from bowden.study.study import Drawn, Study
 
 if TYPE_CHECKING:

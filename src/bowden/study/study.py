@@ -20,8 +20,7 @@ from bowden.core.kernel_cache import source_hash
 from bowden.models.cable.sheath_path import BendPath
 from bowden.plants.bends import RandomBend
 from bowden.rig.rig import Rig
-from bowden.sim.faulty import SensorFault
-from bowden.sim.injected import Injected
+from bowden.sim.injected import Injected, SensorFault
 from bowden.sim.many import Case
 from bowden.study.distributions import Distribution, Value, describe
 from bowden.study.keys import simulated, with_values
@@ -169,7 +168,7 @@ class Study:
         return self.rig.suit.worn
 
     def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:
-        """The runs of these numbers, for `bowden.sim.many` and `bowden.sim.suit_figures`."""
+        """The runs of these numbers, for `bowden.sim.many` and `bowden.sim.many`."""
         for number, drawn in runs:
             rig, laws, fault = self.run(number, drawn)
             push = rig.pushing

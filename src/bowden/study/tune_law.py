@@ -29,7 +29,7 @@ from bowden.plants.plant_file import PlantFile
 from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
 from bowden.sim import ranges
-from bowden.sim.joint_of_rig import cabled_joint_of, joint_ranges, laws_of
+from bowden.sim.rig_runs import cabled_joint_of, joint_ranges, laws_of
 from bowden.study import tune_study
 from bowden.study.load import load
 from bowden.study.results import JudgedByStudy

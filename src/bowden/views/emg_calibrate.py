@@ -16,7 +16,7 @@ def write_emg_calibrate(found: EmgCalibration, call: Call, *, out: Path = Path("
     """
     from bowden.sensing import wearer_file
 
-    wearer_file.write(out, found.wearer)
+    wearer_file.write(out, found.value)
     return [out]
 
 

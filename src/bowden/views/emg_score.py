@@ -18,7 +18,7 @@ def write_emg_score(found: EmgScore, call: Call, *, out: Folder = Path("out/emg"
     from bowden.core.files import whole_files
     from bowden.report.emg_page import emg_page
 
-    whole = found.found
+    whole = found.value
     with whole_files(out) as folder:
         emg_page(call["recording"].name, whole.log, whole.labels, whole.findings).write(folder / "emg.html")
     return [out / "emg.html"]
@@ -35,8 +35,8 @@ def show_emg_score(found: EmgScore, call: Call) -> None:
     table(titles, [score_row("ours", found), score_row("plain threshold", found.plain_threshold)])
     share, level = f"{100.0 * PLAIN_THRESHOLD:g} %", PLAIN_THRESHOLD * found.mvc
     print(f"plain threshold: {level:.3g} {unit} = {share} of MVC {found.mvc:.3g} {unit}, from {found.mvc_from}")
-    if found.found.units_differ:
-        print(found.found.units_differ)
+    if found.value.units_differ:
+        print(found.value.units_differ)
     if found.shortest_ms:
         rejected = found.rejected
         said = f"; {rejected} labelled ones are, and count neither as missed nor as found" if rejected else ""

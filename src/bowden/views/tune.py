@@ -70,7 +70,7 @@ def _evidence(found: TuneResult) -> list[str]:
     from bowden.design.check_result import no_margins
     from bowden.design.tune_result import study_text
 
-    tuning = found.tuning
+    tuning = found.value
     low, high = tuning.bends
     rig = tuning.rig.parts[0].rig
     before = "unstable" if tuning.worst_before is None else f"{tuning.worst_before * DEGREES:.3g}°"

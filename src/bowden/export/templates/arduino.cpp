@@ -8,7 +8,7 @@
 
 #include "loop.h"
 
-static const uint32_t PERIOD = [[microseconds]]; /* [us] */
+static const uint32_t PERIOD = [["%.0f"|format(period * 1e6)]]; /* [us] */
 static uint32_t due, last;
 
 void setup()

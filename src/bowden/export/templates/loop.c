@@ -26,7 +26,7 @@ static [[name]]_real from, to, elapsed_way; /* of the motion [rad, rad, s] */
 static loop_Cycle cycle;
 {% if detector %}
 
-static [[detector_state]] muscles[LOOP_MUSCLES];
+static [[detector]]_[[detector_state]] muscles[LOOP_MUSCLES];
 {% if proportional %}
 static envelope_EnvelopeState envelope;
 static volatile float share; /* of the largest contraction */
@@ -84,8 +84,8 @@ static safety_Observed observe(const double lateness, const double elapsed)
     const double motor = board_motor(&motor_late), joint = board_joint(&joint_late);
     safety_Observed observed = {
         .reading = {
-            .motor = (double)[[of_motor]],
-            .joint = (double)[[of_joint]],
+            .motor = (double)[[name]]_motor_angle(([[name]]_real)motor),
+            .joint = (double){% if counts %}[[name]]_joint_angle(([[name]]_real)joint){% else %}joint{% endif %},
             .current = NAN,
             .tension = NAN,
             .temperature = NAN,
@@ -217,6 +217,6 @@ void loop_cycle(const double lateness, const double elapsed)
     observed.preflight = preflight;
     observed.reference = (double)cycle.reference.position;
     safety_supervise(&supervisor, &observed, cycle.requested_target, LOOP_PERIOD, &cycle.verdict);
-    board_send((double)[[target]], cycle.verdict.power == SAFETY_POWER_ON);
+    board_send((double)[[name]]_[[ "motor_counts" if counts else "spool_angle" ]](([[name]]_real)cycle.verdict.target), cycle.verdict.power == SAFETY_POWER_ON);
     board_record(&cycle);
 }

@@ -7,3 +7,36 @@
 
 [[part]]
 {% endfor %}
+{% for name, helper in helpers.items() %}
+
+{% if helper.length %}
+/* the newest first, and what was there one place on */
+static inline [[helper.type]] [[name]]([[helper.item]] newest, const [[helper.type]] *past)
+{
+    [[helper.type]] moved;
+
+    moved.at[0] = newest;
+    for (int i = 1; i < [[helper.length]]; ++i) {
+        moved.at[i] = past->at[i - 1];
+    }
+    return moved;
+}
+{% else %}
+static inline [[helper.type]] [[name]](const [[helper.type]] a, const [[helper.type]] b)
+{
+    return b [[helper.sign]] a ? b : a;
+}
+{% endif %}
+{% endfor %}
+{% for part in kernels %}
+
+[[part]]
+{% endfor %}
+{% for public in functions %}
+
+/* [[public.summary]] */
+[[public.head]]
+{
+[[public.body]]
+}
+{% endfor %}

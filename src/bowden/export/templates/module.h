@@ -1,7 +1,7 @@
 [[head]]
 
-#ifndef [[guard]]
-#define [[guard]]
+#ifndef [[prefix|upper]]_H
+#define [[prefix|upper]]_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -16,8 +16,9 @@ typedef [[real]] [[prefix]]_real;
 extern "C" {
 #endif
 
-{% for prototype in prototypes %}
-[[prototype]];
+{% for public in functions %}
+/* [[public.summary]] */
+[[public.head]];
 
 {% endfor %}
 #ifdef __cplusplus

@@ -14,7 +14,7 @@
 
 #include "[[name]].h"
 
-#define EXACT [[exact]] /* whether every command must be the recorded one, to the bit */
+#define EXACT [[0 if single else 1]] /* whether every command must be the recorded one, to the bit */
 #define NEAR 1e-3 /* [rad], some two counts of an encoder of 14 bits */
 
 enum { TIME, JOINT, MOTOR, POSITION, VELOCITY, ACCELERATION, REQUESTED_TARGET, SOURCE, COLUMNS };
@@ -105,7 +105,8 @@ static int table(FILE *in, int print)
         if (print) {
             const double values[] = {
                 row[TIME],
-                command[[values]]
+                command{% for way in ways %},
+                (double)state[[way]]{% endfor +%}
             };
             for (size_t i = 0; i < sizeof values / sizeof values[0]; ++i) {
                 printf("%s%.17g", i > 0 ? "," : "", values[i]);

@@ -34,7 +34,6 @@ class Links:
         *,
         synced: bool = False,
         restore: Callable[[], None] | None = None,
-        sends: frozenset[int] = frozenset(),
     ) -> "BusPort":
         """Join a bus as the host of one node.
 
@@ -44,11 +43,10 @@ class Links:
             wanted: whether a frame with this identifier and these flags is for this node's host.
             synced: whether it sends something for the whole bus in each cycle, see `BusPort.sync`.
             restore: called when another drive on the bus has been brought up, see `BusPort.disturbed`.
-            sends: identifiers that this node sends, where they must be no others'.
 
         Raises:
             DriveError: the bus cannot be opened, another process is its host, this process has that node already, or
-                has that bus open at other bit rates, or two nodes have frames of one identifier.
+                has that bus open at other bit rates.
         """
         link = self._links.get(place[:2])
         if link is None:
@@ -63,14 +61,14 @@ class Links:
                 do="give each a bus of its own, or correct the bit rates in [drive]",
             )
         try:
-            link.check(node, wanted, sends)
+            link.check(node)
         except BaseException:
             if not link.ports:
                 link.close()
                 self._links.pop(place[:2], None)
             raise
         port = BusPort(link, node, wanted, lambda: self._links.pop(place[:2], None))
-        port.synced, port.restore, port.sends = synced, restore, sends
+        port.synced, port.restore = synced, restore
         link.ports.append(port)
         link.forget()
         return port
@@ -107,22 +105,14 @@ class BusLink:
         self._whose: dict[int, tuple[BusPort, ...]] = {}
         """Identifier → whose frames those are."""
 
-    def check(self, node: str, wanted: Callable[[int], bool], sends: frozenset[int]) -> None:
-        """Refuse a node that is there already, or whose frames another one sends; see `Links.join`."""
+    def check(self, node: str) -> None:
+        """Refuse a node that is there already; see `Links.join`."""
         if any(port.node == node for port in self.ports):
             raise DriveError(
                 f"two drives of this rig are {node} of the bus {self.place.channel}",
                 expected="a number of its own for each",
                 do="correct one of them in the rig's [drive]",
             )
-        for port in self.ports:
-            both = [*(i for i in sends if port._wanted(i)), *(i for i in port.sends if wanted(i))]
-            if both:
-                raise DriveError(
-                    f"{node} and {port.node} of the bus {self.place.channel} both have frames {min(both):03X}h",
-                    expected="numbers and identifiers that differ",
-                    do="correct one of them in the rig, and in the device; or give one a bus of its own",
-                )
 
     def forget(self) -> None:
         """Whose frames are whose: the ports are others."""
@@ -191,8 +181,6 @@ class BusPort:
         self.node, self.synced = node, False
         """Whether what it sends for the whole bus waits for the others who do so; False while it is let go of alone."""
         self.restore: Callable[[], None] | None = None
-        self.sends: frozenset[int] = frozenset()
-        """Identifiers that this node sends, where they must be no others'."""
         self._link, self._wanted, self._emptied = link, wanted, emptied
         self._frames: deque[Frame] = deque(maxlen=_MOST_WAITING)
 

@@ -13,7 +13,6 @@ command after its timeout. So here:
 """
 
 import math
-import time
 
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
@@ -60,6 +59,7 @@ class AkDrive(Driver):
     def _prepare(self) -> None:
         self._model, self._reply_id = model_of(self._drive), reply_id(self._drive)
         self._v3, self._command_id = self._drive.board == "v3", command_id(self._drive)
+        self._told_by = self._model, self._drive.node_id, ak_mit.torque_per_ampere(self._drive)
         self._scale, self._first = motor_scale(self._drive), math.nan
         self._range = LimitedRange(2.0 * frames.HIGHEST_POSITION)
         self.turn = 2.0 * math.pi / self._model.gear
@@ -110,12 +110,12 @@ class AkDrive(Driver):
             DriveError: none, or one without an error code.
         """
         drive = self._drive
-        order = self._command_id, self._pack(_LIMP) if self._v3 else frames.EXIT
+        order = self._command_id, frames.pack_command(_LIMP, self._model) if self._v3 else frames.EXIT
         for _ in range(2):
             data = bus.ask(order, drive.answer_timeout, data_of(self._reply_id), 1)
             if data is None:
                 continue
-            reply = self._unpack(data)
+            reply = frames.unpack_reply(data, *self._told_by)
             if reply is None:
                 raise DriveError(
                     f"{bus.name} replies with {len(data)} bytes",
@@ -178,7 +178,7 @@ class AkDrive(Driver):
     def _take(self, identifier: int, data: bytes, now: float) -> bool:
         if not self._is_it(identifier, data):
             return False
-        reply = self._unpack(data)
+        reply = frames.unpack_reply(data, *self._told_by)
         if reply is not None:
             self._take_reply(reply, now)
         return True
@@ -273,7 +273,7 @@ class AkDrive(Driver):
         It has no quick stop: that is power off.
         """
         if self._entered:
-            self._order(self._pack(_LIMP))
+            self._order(frames.pack_command(_LIMP, self._model))
             self._until_off = self._unanswered + 1
         self._entered, self._expected = False, 0.0
         self._order(frames.EXIT)
@@ -282,32 +282,24 @@ class AkDrive(Driver):
         """A command; what the drive should make of it is kept."""
         held = max(ak_mit.ROOM - frames.HIGHEST_POSITION, min(frames.HIGHEST_POSITION - ak_mit.ROOM, position))
         self._expected = stiffness * (held - self._position) - damping * self._speed + torque
-        self._order(self._pack(frames.AkCommand(held, 0.0, stiffness, damping, torque)))
+        self._order(frames.pack_command(frames.AkCommand(held, 0.0, stiffness, damping, torque), self._model))
 
     def _tell_off(self, number: int) -> None:
         """The order to leave motor mode; before the first one, once, no gains."""
         if number == 0:
-            self._order(self._pack(_LIMP))
+            self._order(frames.pack_command(_LIMP, self._model))
         self._order(frames.EXIT)
 
     def _torque_told(self, identifier: int, data: bytes) -> bool | None:
-        reply = self._unpack(data) if self._is_it(identifier, data) else None
+        reply = frames.unpack_reply(data, *self._told_by) if self._is_it(identifier, data) else None
         return None if reply is None else abs(reply.torque) > STRAIN * self._model.torque
-
-    def _pack(self, command: frames.AkCommand) -> bytes:
-        return (frames.pack_command_v3 if self._v3 else frames.pack_command)(command, self._model)
-
-    def _unpack(self, data: bytes) -> frames.AkReply | None:
-        if not self._v3:
-            return frames.unpack_reply(data, self._model)
-        return frames.unpack_state_v3(data, self._drive.node_id, self._model, ak_mit.torque_per_ampere(self._drive))
 
     def _order(self, data: bytes) -> None:
         """A command; of a V3, which has no other order, those that are one go out as a command without gains."""
         if self._v3 and data in (frames.ENTER, frames.EXIT):
             if data == frames.ENTER:
                 return
-            data = self._pack(_LIMP)
+            data = frames.pack_command(_LIMP, self._model)
         self._unanswered = 1 if self._v3 else min(MOST_UNANSWERED, self._unanswered + 1)
         self._send(self._command_id, data)
 
@@ -323,7 +315,7 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
 
     Such a drive says nothing of itself before it is told something, so that there is no question without an order; this
     is the one with which nothing can move. It is not given where somebody uses these identifiers already: an AK drive
-    under another master, or devices of another protocol.
+    under another master, or devices of another protocol. Boards V3 tell their state by themselves: nothing is said.
 
     Args:
         drive: with the bus; its model's ranges are taken for all, and its `reply_id` where it has one.
@@ -332,56 +324,36 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
     Raises:
         DriveError: the bus cannot be used, or somebody uses these identifiers.
     """
-    model, common, found = model_of(drive), reply_id(drive), dict[int, frames.AkReply]()
+    model, v3, found = model_of(drive), drive.board == "v3", dict[int, frames.AkReply]()
 
-    def looked_at(identifier: int, data: bytes) -> bool:
-        reply = frames.unpack_reply(data, model)
-        if (
-            reply is not None
-            and 0 < reply.number <= HIGHEST
-            and identifier in (reply.number, common)
-            and data != frames.EXIT
-        ):
-            found[reply.number] = reply
-        return False
-
-    if drive.board == "v3":
-        return _probe_v3(drive, links)
-    with joined(place(drive), drive.node_id, links) as port:
-        ends = time.monotonic() + LISTENING
-        while (left := ends - time.monotonic()) > 0.0:
-            used = port.wait_for(lambda identifier, data: 0 < identifier <= HIGHEST, left)
-            if used is not None:
-                raise DriveError(
-                    f"somebody uses the identifiers of AK drives already (a frame {used[0]:03X}h)",
-                    expected="a bus on which nobody commands them",
-                    do="end the other program first, or give devices of another protocol a bus of their own",
-                )
-        for number in range(1, HIGHEST + 1):
-            port.send_now(number, frames.EXIT)
-            port.wait_for(looked_at, BETWEEN)
-        port.wait_for(looked_at, drive.answer_timeout)
-    return [_found(number, reply) for number, reply in sorted(found.items())]
-
-
-def _probe_v3(drive: AkParameters, links: Links) -> list[FoundDevice]:
-    """Which boards V3 there are: each uploads its state by itself, so that nothing is said."""
-    model, found = model_of(drive), dict[int, frames.AkReply]()
-
-    def heard(identifier: int, data: bytes) -> bool:
+    def looked_at(identifier: int, data: bytes) -> None:
         number = identifier & 0xFF
-        if identifier & ~0xFF == EXTENDED | UPLOAD << 8:
-            reply = frames.unpack_state_v3(data, number, model, ak_mit.torque_per_ampere(drive))
-            if reply is not None:
-                found[number] = reply
-        return False
+        reply = frames.unpack_reply(data, model, number, ak_mit.torque_per_ampere(drive))
+        if reply is None or data == frames.EXIT:
+            return
+        told = (EXTENDED | UPLOAD << 8 | number,) if v3 else (reply.number, reply_id(drive))
+        if identifier in told and (v3 or 0 < reply.number <= HIGHEST):
+            found[reply.number] = reply
 
     with joined(place(drive), drive.node_id, links) as port:
-        port.wait_for(heard, LISTENING)
-    return [_found(number, reply) for number, reply in sorted(found.items())]
-
-
-def _found(number: int, reply: frames.AkReply) -> FoundDevice:
-    where = f"at {reply.position:.3f} rad of its range, "
-    error = frames.error_text(reply.error) if reply.error else "no error"
-    return FoundDevice(number, "AK drive in MIT mode", where + error, "FAULT" if reply.error else "SWITCH_ON_DISABLED")
+        bus = Conversation(port, drive.node_id, lambda identifier, _: not v3 and 0 < identifier <= HIGHEST)
+        bus.wait(LISTENING, looked_at)
+        if bus.foreign is not None:
+            raise DriveError(
+                f"somebody uses the identifiers of AK drives already (a frame {bus.foreign:03X}h)",
+                expected="a bus on which nobody commands them",
+                do="end the other program first, or give devices of another protocol a bus of their own",
+            )
+        for number in () if v3 else range(1, HIGHEST + 1):
+            port.send_now(number, frames.EXIT)
+            bus.wait(BETWEEN, looked_at)
+        bus.wait(0.0 if v3 else drive.answer_timeout, looked_at)
+    return [
+        FoundDevice(
+            number,
+            "AK drive in MIT mode",
+            f"at {one.position:.3f} rad of its range, {frames.error_text(one.error) if one.error else 'no error'}",
+            "FAULT" if one.error else "SWITCH_ON_DISABLED",
+        )
+        for number, one in sorted(found.items())
+    ]

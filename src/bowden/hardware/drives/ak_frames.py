@@ -21,10 +21,11 @@ Source: CubeMars, "AK Series Actuator Driver Manual" V1.0.8, chapter 5.3, pages 
 ranges; page 39 for the error codes. Where it contradicts itself or later editions: docs/background/drives.md.
 """
 
+import functools
 import math
 import struct
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 ENTER, EXIT, ZERO = (bytes((*(0xFF,) * 7, last)) for last in (0xFC, 0xFD, 0xFE))
 """Enter motor mode; leave it; take the present position for zero."""
@@ -52,7 +53,7 @@ def error_text(code: int) -> str:
 
 
 class AkModel(NamedTuple):
-    """What distinguishes one model in MIT mode."""
+    """What distinguishes one model in MIT mode, on a board of one generation."""
 
     gear: float
     """Motor turns per turn of the output shaft; the number behind its name [–]."""
@@ -62,27 +63,33 @@ class AkModel(NamedTuple):
     """Either way, at the output shaft [N·m]."""
     pole_pairs: int = 21
     """Of the motor; V3 tells its electrical speed."""
+    v3: bool = False
+    """Whether its board is a V3."""
+
+    @property
+    def command_fields(self) -> tuple[str, ...]:
+        """Of a command, in their order."""
+        of_v3 = ("kp", "kd", "position", "velocity", "torque")
+        return of_v3 if self.v3 else ("position", "velocity", "kp", "kd", "torque")
 
 
-MODELS: Mapping[str, AkModel] = {
-    "AK10-9": AkModel(9.0, 50.0, 65.0),
-    "AK60-6": AkModel(6.0, 45.0, 15.0),
-    "AK70-10": AkModel(10.0, 50.0, 25.0),
-    "AK80-6": AkModel(6.0, 76.0, 12.0),
-    "AK80-9": AkModel(9.0, 50.0, 18.0),
-    "AK80-64": AkModel(64.0, 8.0, 144.0),
+MODELS: Mapping[str, Mapping[str, AkModel]] = {
+    "v2": {
+        "AK10-9": AkModel(9.0, 50.0, 65.0),
+        "AK60-6": AkModel(6.0, 45.0, 15.0),
+        "AK70-10": AkModel(10.0, 50.0, 25.0),
+        "AK80-6": AkModel(6.0, 76.0, 12.0),
+        "AK80-9": AkModel(9.0, 50.0, 18.0),
+        "AK80-64": AkModel(64.0, 8.0, 144.0),
+    },
+    "v3": {
+        "AK10-9": AkModel(9.0, 28.0, 54.0, v3=True),
+        "AK60-6": AkModel(6.0, 60.0, 12.0, 14, v3=True),
+        "AK80-9": AkModel(9.0, 65.0, 18.0, v3=True),
+    },
 }
-"""Name → its ranges: manual V1.0.8, page 50; the AK80-64 stands there as AK80-80, by its older name."""
-
-
-MODELS_V3: Mapping[str, AkModel] = {
-    "AK10-9": AkModel(9.0, 28.0, 54.0),
-    "AK60-6": AkModel(6.0, 60.0, 12.0, 14),
-    "AK80-9": AkModel(9.0, 65.0, 18.0),
-}
-"""The same of boards V3: manual V3.0.0, 4.2."""
-HIGHEST_POSITION_V3 = 12.56
-"""[rad]"""
+"""Board → name → ranges: manual V1.0.8, page 50, where the AK80-64 stands as AK80-80, by its older name; manual V3.0.0,
+4.2."""
 
 
 class AkCommand(NamedTuple):
@@ -118,124 +125,98 @@ class AkReply(NamedTuple):
     """True if the position's field stands at one of its ends, and says nothing of where the motor is."""
 
 
+REPLY_FIELDS = ("position", "velocity", "torque")
+
+
+@functools.cache
+def _ranges(model: AkModel) -> Mapping[str, tuple[int, float, float]]:
+    """Field → its bits, and the values at its ends."""
+    end = 12.56 if model.v3 else HIGHEST_POSITION
+    return {
+        "position": (16, -end, end),
+        "velocity": (12, -model.velocity, model.velocity),
+        "kp": (12, 0.0, HIGHEST_KP),
+        "kd": (12, 0.0, HIGHEST_KD),
+        "torque": (12, -model.torque, model.torque),
+    }
+
+
+def _packed(fields: Sequence[str], values: Any, model: AkModel) -> int:
+    """Fields of a command or a reply, the highest first; the end of a field's range for what is beyond."""
+    bits, ranges = 0, _ranges(model)
+    for name in fields:
+        size, low, high = ranges[name]
+        top = (1 << size) - 1
+        code = int((getattr(values, name) - low) * top / (high - low) + 0.5 + 1e-9)  # 0 is not just below a half
+        bits = bits << size | max(0, min(top, code))
+    return bits
+
+
+def _unpacked(fields: Sequence[str], bits: int, model: AkModel) -> dict[str, float]:
+    found, ranges = {}, _ranges(model)
+    for name in reversed(fields):
+        size, low, high = ranges[name]
+        top = (1 << size) - 1
+        found[name] = low + (bits & top) * (high - low) / top
+        bits >>= size
+    return found
+
+
 def pack_command(command: AkCommand, model: AkModel) -> bytes:
-    """A command as bytes, each value within its range; one that could be taken for `ENTER`, `EXIT` or `ZERO` is not
-    packed, but for a torque that is a step smaller.
+    """A command as bytes, each value within its range, to a V3 without its torque; one that could be taken for `ENTER`,
+    `EXIT` or `ZERO` is not packed, but for a torque that is a step smaller.
     """
-    position = _code(command.position, -HIGHEST_POSITION, HIGHEST_POSITION, 16)
-    velocity = _code(command.velocity, -model.velocity, model.velocity, 12)
-    kp, kd = _code(command.kp, 0.0, HIGHEST_KP, 12), _code(command.kd, 0.0, HIGHEST_KD, 12)
-    torque = _code(command.torque, -model.torque, model.torque, 12)
-    data = _packed(position, velocity, kp, kd, torque)
-    return data if data[:7] != ENTER[:7] else _packed(position, velocity, kp, kd, torque - 0x100)
-
-
-def _packed(position: int, velocity: int, kp: int, kd: int, torque: int) -> bytes:
-    return (position << 48 | velocity << 36 | kp << 24 | kd << 12 | torque).to_bytes(8, "big")
+    if model.v3:
+        return _packed(model.command_fields, command._replace(torque=0.0), model).to_bytes(8, "big")
+    bits = _packed(model.command_fields, command, model)
+    return (bits - 0x100 if bits >> 8 == (1 << 56) - 1 else bits).to_bytes(8, "big")
 
 
 def unpack_command(data: bytes, model: AkModel) -> AkCommand | None:
-    """A command; None of anything but eight bytes, and of `ENTER`, `EXIT` and `ZERO`."""
-    if len(data) != 8 or data in (ENTER, EXIT, ZERO):
+    """A command; None of anything but eight bytes, and of `ENTER`, `EXIT` and `ZERO`, which a V3 does not have."""
+    if len(data) != 8 or (not model.v3 and data in (ENTER, EXIT, ZERO)):
         return None
-    bits = int.from_bytes(data, "big")
-    return AkCommand(
-        _value(bits >> 48, -HIGHEST_POSITION, HIGHEST_POSITION, 16),
-        _value(bits >> 36 & 0xFFF, -model.velocity, model.velocity, 12),
-        _value(bits >> 24 & 0xFFF, 0.0, HIGHEST_KP, 12),
-        _value(bits >> 12 & 0xFFF, 0.0, HIGHEST_KD, 12),
-        _value(bits & 0xFFF, -model.torque, model.torque, 12),
-    )
-
-
-def pack_reply(reply: AkReply, model: AkModel) -> bytes:
-    """A reply as bytes: a position beyond its range begins again at the other end, the rest stops at its own."""
-    span = 2.0 * HIGHEST_POSITION
-    within = (reply.position + HIGHEST_POSITION) % span - HIGHEST_POSITION
-    bits = reply.number << 56 | _code(within, -HIGHEST_POSITION, HIGHEST_POSITION, 16) << 40
-    bits |= _code(reply.velocity, -model.velocity, model.velocity, 12) << 28
-    bits |= _code(reply.torque, -model.torque, model.torque, 12) << 16
-    return (bits | (reply.temperature & 0xFF) << 8 | reply.error).to_bytes(8, "big")
-
-
-def unpack_reply(data: bytes, model: AkModel) -> AkReply | None:
-    """A reply; None of anything but eight bytes."""
-    if len(data) != 8:
-        return None
-    bits = int.from_bytes(data, "big")
-    position = bits >> 40 & 0xFFFF
-    return AkReply(
-        data[0],
-        # `_value` written out: each cycle of a run is here
-        -HIGHEST_POSITION + position * (2.0 * HIGHEST_POSITION) / 0xFFFF,
-        -model.velocity + (bits >> 28 & 0xFFF) * (2.0 * model.velocity) / 0xFFF,
-        -model.torque + (bits >> 16 & 0xFFF) * (2.0 * model.torque) / 0xFFF,
-        data[6],
-        data[7],
-        position in (0, 0xFFFF),
-    )
-
-
-def _code(value: float, low: float, high: float, bits: int) -> int:
-    """The nearest code; the end of the range for what is beyond."""
-    top = (1 << bits) - 1
-    return max(0, min(top, int((value - low) * top / (high - low) + 0.5)))
-
-
-def _value(code: int, low: float, high: float, bits: int) -> float:
-    return low + code * (high - low) / ((1 << bits) - 1)
-
-
-def pack_command_v3(command: AkCommand, model: AkModel) -> bytes:
-    """A command to a board V3, without its torque."""
-    end = HIGHEST_POSITION_V3
-    bits = _code(command.kp, 0.0, HIGHEST_KP, 12) << 52 | _code(command.kd, 0.0, HIGHEST_KD, 12) << 40
-    bits |= _code(command.position + 1e-9, -end, end, 16) << 24  # so that 0 is not just below a half
-    bits |= _code(command.velocity, -model.velocity, model.velocity, 12) << 12 | 0x800
-    return bits.to_bytes(8, "big")
-
-
-def unpack_command_v3(data: bytes, model: AkModel) -> AkCommand | None:
-    """A command; None of anything but eight bytes."""
-    if len(data) != 8:
-        return None
-    bits, end = int.from_bytes(data, "big"), HIGHEST_POSITION_V3
-    return AkCommand(
-        _value(bits >> 24 & 0xFFFF, -end, end, 16),
-        _value(bits >> 12 & 0xFFF, -model.velocity, model.velocity, 12),
-        _value(bits >> 52, 0.0, HIGHEST_KP, 12),
-        _value(bits >> 40 & 0xFFF, 0.0, HIGHEST_KD, 12),
-        _value(bits & 0xFFF, -model.torque, model.torque, 12),
-    )
+    return AkCommand(**_unpacked(model.command_fields, int.from_bytes(data, "big"), model))
 
 
 def _speed_step(model: AkModel) -> float:
-    """Of a count of the speed, at the output shaft [rad/s]."""
+    """Of a count of a V3's speed, at the output shaft [rad/s]."""
     return 10.0 * 2.0 * math.pi / 60.0 / (model.pole_pairs * model.gear)
 
 
-def pack_state_v3(state: AkReply, model: AkModel, torque_per_ampere: float) -> bytes:
-    """What a board V3 tells by itself; each value within its range."""
+def pack_reply(reply: AkReply, model: AkModel, torque_per_ampere: float = math.nan) -> bytes:
+    """A reply, or what a V3 tells by itself, as bytes, each value within its range.
+
+    A position beyond its range begins again at the other end, but for that of a V3.
+
+    Args:
+        reply: what the drive says.
+        model: which it is.
+        torque_per_ampere: at the output shaft, by which a V3 tells its torque [N·m/A].
+    """
+    if not model.v3:
+        span = 2.0 * HIGHEST_POSITION
+        within = reply._replace(position=(reply.position + HIGHEST_POSITION) % span - HIGHEST_POSITION)
+        bits = reply.number << 56 | _packed(REPLY_FIELDS, within, model) << 16
+        return (bits | (reply.temperature & 0xFF) << 8 | reply.error).to_bytes(8, "big")
     values = (
-        math.degrees(state.position) / 0.1,
-        state.velocity / _speed_step(model),
-        state.torque / torque_per_ampere / 0.01,
+        math.degrees(reply.position) / 0.1,
+        reply.velocity / _speed_step(model),
+        reply.torque / torque_per_ampere / 0.01,
     )
     counts = (max(-32000, min(32000, round(value))) for value in values)
-    return struct.pack(">hhhbB", *counts, max(-128, min(127, state.temperature)), state.error)
+    return struct.pack(">hhhbB", *counts, max(-128, min(127, reply.temperature)), reply.error)
 
 
-def unpack_state_v3(data: bytes, number: int, model: AkModel, torque_per_ampere: float) -> AkReply | None:
-    """The same of eight bytes; None of any other number of them."""
+def unpack_reply(data: bytes, model: AkModel, number: int = 0, torque_per_ampere: float = math.nan) -> AkReply | None:
+    """A reply, or what a V3 of a number, which stands in the identifier, tells; None of anything but eight bytes."""
     if len(data) != 8:
         return None
-    position, speed, current, temperature, error = struct.unpack(">hhhbB", data)
-    return AkReply(
-        number,
-        math.radians(0.1 * position),
-        _speed_step(model) * speed,
-        torque_per_ampere * 0.01 * current,
-        temperature,
-        error,
-        abs(position) >= 32000,
-    )
+    if model.v3:
+        place, speed, current, temperature, error = struct.unpack(">hhhbB", data)
+        position, velocity, torque = math.radians(0.1 * place), _speed_step(model) * speed, 0.01 * current
+        return AkReply(number, position, velocity, torque_per_ampere * torque, temperature, error, abs(place) >= 32000)
+    bits = int.from_bytes(data, "big")
+    found = _unpacked(REPLY_FIELDS, bits >> 16 & (1 << 40) - 1, model)
+    at_end = bits >> 40 & 0xFFFF in (0, 0xFFFF)
+    return AkReply(number=data[0], temperature=data[6], error=data[7], at_end=at_end, **found)

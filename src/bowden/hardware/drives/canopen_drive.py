@@ -418,6 +418,7 @@ class CanopenDrive(Driver):
 
     _drive: DriveParameters
     synced = True
+    most_counts = frames.INT32 - 1.0
 
     def _prepare(self) -> None:
         parameters = self._drive
@@ -567,39 +568,35 @@ class CanopenDrive(Driver):
         if index in self._watch_as_set and value is not None and self._operational:
             (self._unwatched.discard if value in self._watch_as_set[index] else self._unwatched.add)(index)
 
-    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
-        """See `hardware.ports.Drive.write`.
+    def _can_lead(self) -> bool:
+        return True  # to where it may be led
 
-        Until operation is enabled the target sent is the position itself, so that enabling moves nothing. A target
-        that is no number, or beyond the drive's counts, is never sent: the torque goes off. There is none before the
-        drive has sent its position. A drive that has left
-        operation by itself is not switched on again before `Power.OFF` has been wanted. A torque offset goes out only
-        with the order to follow the target, to a drive that does, and within the rig's bound.
-        """
-        if not self._up or self._found is None:
-            return
-        fallen = self._has_fallen(power, now)
-        counts = self._found.motor.counts(target)
-        if math.isnan(self._readings.motor):
-            power = min(power, Power.READY)
-        if not -frames.INT32 <= counts <= frames.INT32 - 1:
-            power, counts = Power.OFF, float(self._counts)
-        wanted = Power.OFF if fallen else power
-        if self._state is not DriveState.OPERATION_ENABLED:
-            counts = float(self._counts)
-        self._sent = controlword(self._state, wanted, self._reset and self._sent != Controlword.FAULT_RESET)
+    def _lead(self, found: Found, counts: float, target: float, torque: float, now: float) -> None:
+        led = self._state is DriveState.OPERATION_ENABLED
+        self._target, self._led = (target, self._led + 1) if led else (math.nan, 0)
+        self._command(Power.ON, round(counts) if led else self._counts, torque if led else 0.0)
+
+    def _relax(self, power: Power, now: float) -> None:
+        """See `Driver._relax`; power that waits for a position alone is ready."""
+        off = self._fell or (power is Power.ON and math.isfinite(self._readings.motor))
+        wanted = Power.OFF if off else min(power, Power.READY)
+        self._command(wanted, self._counts)
+        if wanted is Power.OFF and not self._fell:
+            self.set_brake(False)
+
+    def _command(self, power: Power, counts: int, torque: float = 0.0) -> None:
+        """The controlword that leads to a power; a fault is reset by an edge."""
+        self._sent = controlword(self._state, power, self._reset and self._sent != Controlword.FAULT_RESET)
         if self._sent == Controlword.FAULT_RESET or self._state is not DriveState.FAULT:
             self._reset = False
-        led = self._state is DriveState.OPERATION_ENABLED and self._sent == Controlword.ENABLE_OPERATION
-        self._asked = self._sent == Controlword.ENABLE_OPERATION
-        self._target, self._led = (target, self._led + 1) if led else (math.nan, 0)
-        self._order(self._sent, round(counts), torque if led else 0.0)
+        self._order(self._sent, counts, torque)
+
+    def _ask(self, now: float) -> None:
+        """How many TPDO 1 may come; the brake, the watch over us, and our heartbeat."""
         due = self._due + (1.0 + REFILL if self._due < SPARE else 1.0)
         age = self._readings.motor_age  # a drive that stalls answers all that was asked at once, later
         self._most = max(self._most - REFILL, MOST_DUE + age if SPARE < age < math.inf else MOST_DUE)
-        self._written, self._due = now, min(due, self._most)
-        if power is Power.OFF:
-            self.set_brake(False)
+        self._due = min(due, self._most)
         if not self._brake_confirmed and now - self._brake_at >= REPEAT:
             self._brake_at = now
             self._send(self._questions, brake_order(self._drive, engaged=self._brake))

@@ -146,6 +146,7 @@ class Driver(ABC):
     def _judge(self, now: float) -> None:
         """Where the drive is in this cycle, by `_update_state`, and what it does not say itself."""
 
+    @abstractmethod
     def _lead(self, found: Found, counts: float, target: float, torque: float, now: float) -> None:
         """The order with power: to the mode in which the drive follows, and there to the target.
 
@@ -159,11 +160,10 @@ class Driver(ABC):
             torque: offset at the spool [N·m].
             now: [s]
         """
-        raise NotImplementedError  # replaced, or `write` is
 
+    @abstractmethod
     def _relax(self, power: Power, now: float) -> None:
         """The order without: torque off, or `Power.QUICK_STOP` of a drive that has one."""
-        raise NotImplementedError  # replaced, or `write` is
 
     def _ask(self, now: float) -> None:
         """What the drive is asked for after the order; of most families it is asked with it."""

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 
-INERT, LEFT, LOST_RANGE, UNWATCHED, LOST_TURNS = 0xFE01, 0xFE02, 0xFE03, 0xFE04, 0xFE05
+INERT, LEFT, LOST_RANGE, UNWATCHED, LOST_TURNS, JOINT_SERVO = range(0xFE01, 0xFE07)
 """Codes that no family uses for an error of its own."""
 
 FINDINGS: Mapping[int, str] = {
@@ -16,6 +16,8 @@ FINDINGS: Mapping[int, str] = {
     LOST_RANGE: "the motor has left the range that the drive's position can show",
     LOST_TURNS: "the drive has lost count of its motor's turns: its position jumped further than the motor can turn; "
     "check its supply and its encoder, bring the motor home, and start the run again",
+    JOINT_SERVO: "the servo on the joint, which only measures, has torque or tells an error: end whoever else writes "
+    "to it, and look at it with its maker's tool",
 }
 """Code → what it means and what to do."""
 

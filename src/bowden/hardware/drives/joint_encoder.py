@@ -44,7 +44,7 @@ KIND = SensorKind(
 JointSource = Annotated[
     Literal["cia406", "none"],
     Quantity(
-        "what measures the joint: cia406, a CANopen encoder of its own on the same bus; none, and then nothing can run"
+        "what measures the joint: cia406, a CANopen encoder of its own on the same bus; none, with [joint_sensor]"
     ),
 ]
 JointNode = Annotated[int, Quantity("number of the joint's encoder on the bus", ge=1, le=126)]

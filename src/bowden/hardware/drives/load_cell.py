@@ -73,6 +73,9 @@ class LoadCellReader:
         self.given, self._timeout = given, timeout
         self._health = SensorHealth(given.node_id)
         self._frame = given.identifier | EXTENDED * given.extended
+        kinds = (frames.TPDO1, frames.HEARTBEAT, frames.EMERGENCY, frames.SDO_ANSWER)
+        of_node = tuple(kind + given.node_id for kind in kinds)
+        self._sends = (self._frame,) if given.source == "can" else of_node
         self._wide = True
         self._value, self._came = math.nan, math.nan
 
@@ -87,17 +90,9 @@ class LoadCellReader:
         plain = self.given.source == "can"
         return f"{WHAT} ({self.given.identifier:03X}h)" if plain else f"node {self.given.node_id}"
 
-    @property
-    def sends(self) -> frozenset[int]:
-        """Identifiers of its frames."""
-        if self.given.source == "can":
-            return frozenset((self._frame,))
-        kinds = (frames.TPDO1, frames.HEARTBEAT, frames.EMERGENCY, frames.SDO_ANSWER)
-        return frozenset(kind + self.given.node_id for kind in kinds)
-
     def wants(self, identifier: int) -> bool:
         """True if a frame is of it, or one that only its host may send."""
-        return identifier in self.sends or self.foreign(identifier)
+        return identifier in self._sends or self.foreign(identifier)
 
     def foreign(self, identifier: int) -> bool:
         """True if a frame is one that only its host may send."""

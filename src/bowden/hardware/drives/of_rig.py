@@ -39,7 +39,7 @@ class DriveWithLoadCell:
         said = self._drive.bring_up()
         if self._port is None:
             cell = self._cell
-            self._port = self._links.join(self._place, cell.node, cell.wants, synced=cell.synced, sends=cell.sends)
+            self._port = self._links.join(self._place, cell.node, cell.wants, synced=cell.synced)
         try:
             found = self._cell.bring_up(self._port)
         except BaseException:

@@ -9,17 +9,15 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args, get_origin
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity, declared
 from bowden.core.signals import DriveReading
+from bowden.core.units import RADIANS
 from bowden.hardware.buses.place import BusPlace
 from bowden.models.suit.suit_angle import motor_of, spool_of
 from bowden.rig.families import LOST, DriveFamily, DriveNeeds, TwinProcess
-
-if TYPE_CHECKING:
-    pass
 
 BusInterface = Annotated[
     str, Quantity("bowden_unix for the twin; on a rig socketcan, or serial for serial servos; others are untried")
@@ -111,6 +109,34 @@ def rule_of_watchdog(drive: Any) -> Rule:
     fine = least - 1e-9 <= drive.watchdog <= longest + 1e-9
     return "watchdog", fine, f"three cycles, {least:g} s, to {longest:g} s"
 
+
+def check_turn(drive: Any, scale: Any, turn: float, forgets: str, expected: str, do: str) -> None:
+    """Refuse a range of the motor of which a restart of the drive forgets the turn.
+
+    Args:
+        drive: its parameters.
+        scale: of its counts.
+        turn: in counts.
+        forgets: what turns, and who forgets: ``the servo, which forgets``.
+        expected: instead.
+        do: what to do.
+
+    Raises:
+        ParameterError: with both ends.
+    """
+    low, high = drive.needs.lowest_motor, drive.needs.highest_motor
+    if math.isfinite(low) and math.isfinite(high):
+        turns = abs(scale.counts(high) - scale.counts(low)) / turn
+        if turns >= 1.0:
+            raise ParameterError(
+                f"the motor goes from {low / RADIANS:g} to {high / RADIANS:g}°, {turns:.2f} turns of {forgets} at "
+                "power-off in which turn it is",
+                expected=expected,
+                do=do,
+            )
+
+
+ELSEWHERE = 'set home = "hint" with motor_hint_deg in [drive], or home = "here"; or '
 
 _BOUNDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
 

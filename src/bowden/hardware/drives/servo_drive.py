@@ -27,7 +27,7 @@ from bowden.hardware.drives.checklist import (
     refuse_torque,
 )
 from bowden.hardware.drives.driver import Driver
-from bowden.hardware.drives.findings import UNWATCHED
+from bowden.hardware.drives.findings import JOINT_SERVO, UNWATCHED
 from bowden.hardware.drives.on_can import place
 from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, motor_limits, nearest
 from bowden.hardware.drives.servo_table import BlockReader, ServoSample, joint_scale, motor_scale
@@ -335,6 +335,8 @@ class ServoDrive(Driver):
         turn = float(self._drive.table.turn)
         counts = (sample.position - self._joint_zero + 0.5 * turn) % turn - 0.5 * turn
         self._readings.turned(self._joint_scale.angle(counts))
+        if sample.torque or sample.error:
+            self._readings.found(JOINT_SERVO)
 
     def _judge(self, now: float) -> None:
         self._check_silence(now)

@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
-from bowden.core.units import RADIANS
 from bowden.hardware.buses.packets import PROTOCOLS, STATUS, Packets, fast_answer
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.checklist import Setting, is_about
@@ -31,9 +30,7 @@ ReturnDelay = Annotated[
 ]
 JointServo = Annotated[
     Literal["servo", "none"],
-    Quantity(
-        "what measures the joint: servo, a second one of this model, without torque; none, and then nothing can run"
-    ),
+    Quantity("what measures the joint: servo, a second one of this model, without torque; none, with [joint_sensor]"),
 ]
 
 
@@ -195,9 +192,6 @@ def delay_setting(drive: Any) -> Setting:
     )
 
 
-_ELSEWHERE = 'set home = "hint" with motor_hint_deg in [drive], or home = "here"; or '
-
-
 def rules(drive: Any) -> Iterator[on_can.Rule]:
     """What must hold of a serial servo; see `on_can.require`.
 
@@ -215,17 +209,11 @@ def rules(drive: Any) -> Iterator[on_can.Rule]:
             do="raise bench.sample_time_ms, or the bit rate of the servos and of [drive]; lower their Return Delay "
             "Time and return_delay_ms",
         )
-    low, high = drive.needs.lowest_motor, drive.needs.highest_motor
-    if (drive.home == "counts" or not drive.multi_turn) and math.isfinite(low) and math.isfinite(high):
-        scale = motor_scale(drive)
-        span = abs(scale.counts(high) - scale.counts(low))
-        if span >= drive.table.turn:
-            raise ParameterError(
-                f"the motor goes from {low / RADIANS:g} to {high / RADIANS:g}°, {span / drive.table.turn:.2f} turns of "
-                "the servo, which forgets at power-off in which turn it is",
-                expected="less than a turn" + (' with home = "counts"' if drive.multi_turn else ""),
-                do=(_ELSEWHERE if drive.multi_turn else "") + "make the range in [limits] smaller",
-            )
+    if drive.home == "counts" or not drive.multi_turn:
+        expected = "less than a turn" + (' with home = "counts"' if drive.multi_turn else "")
+        do = (on_can.ELSEWHERE if drive.multi_turn else "") + "make the range in [limits] smaller"
+        scale, turn = motor_scale(drive), float(drive.table.turn)
+        on_can.check_turn(drive, scale, turn, "the servo, which forgets", expected, do)
 
 
 _BENCH: Mapping[str, Mapping[str, Any]] = {

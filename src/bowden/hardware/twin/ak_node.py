@@ -90,7 +90,7 @@ class AkNode(TwinNode):
             return
         self._move(now)  # up to here under the command before
         self.host = now
-        command = (frames.unpack_command_v3 if self._v3 else frames.unpack_command)(data, self._model)
+        command = frames.unpack_command(data, self._model)
         if self.faults.active("commands_ignored", now):
             pass  # and what it does not obey counts for its timeout: nothing says otherwise
         elif self._v3:
@@ -233,13 +233,9 @@ class AkNode(TwinNode):
         temperature = max(-128, min(127, round(bench.temperature))) + drive.temperature_zero
         self._history.append(frames.AkReply(drive.node_id, position, velocity, torque, temperature, self._error, False))
         sent = self._delayed(now)._replace(error=self._error)
-        if self._v3:
-            data = frames.pack_state_v3(sent, model, torque_per_ampere(drive))
-        else:
-            data = frames.pack_reply(sent, model)
-        self._outbox.emit_cyclic(reply_id(drive), data, now)
+        ratio = torque_per_ampere(drive)
+        self._outbox.emit_cyclic(reply_id(drive), frames.pack_reply(sent, model, ratio), now)
         if faults.active("foreign_replies", now):
             other = sent._replace(number=drive.node_id % 127 + 1, position=1.0)
-            self._outbox.emit(
-                other.number if drive.reply_id < 0 else drive.reply_id, frames.pack_reply(other, model), now
-            )
+            identifier = other.number if drive.reply_id < 0 else drive.reply_id
+            self._outbox.emit(identifier, frames.pack_reply(other, model, ratio), now)

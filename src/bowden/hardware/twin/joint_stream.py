@@ -4,10 +4,14 @@ It samples once a period, and sends a sample when it is as old as [joint_sensor]
 and a drift as in simulation. With the fault ``joint_silence`` nothing is sent, with ``encoder_offset joint`` it lies.
 """
 
+import contextlib
 import math
+import os
 import socket
+import tty
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +23,26 @@ from bowden.plants.estimated import BENDS
 from bowden.rig.joint_sensor import address_of
 from bowden.rig.settings import JointSensor
 from bowden.sensing.joint_sample import Quaternion, numbers_in, on_curve
+
+
+def serial_line(port: Path) -> tuple[Callable[[Raw], None], Callable[[], None]]:
+    """How to send over a pseudo terminal to which `port` is a link, and how to take it away."""
+    host, line = os.openpty()
+    tty.setraw(line)
+    os.set_blocking(host, False)
+    port.unlink(missing_ok=True)
+    port.symlink_to(os.ttyname(line))
+
+    def send(raw: Raw) -> None:
+        with contextlib.suppress(BlockingIOError):  # nobody reads
+            os.write(host, line_of(raw))
+
+    def close() -> None:
+        port.unlink(missing_ok=True)
+        os.close(host)
+        os.close(line)
+
+    return send, close
 
 
 class JointSensorTwin:
@@ -51,9 +75,11 @@ class JointSensorTwin:
             info = lsl.StreamInfo(where[0], "joint", count, 1.0 / sensor.period, "double64", "bowden twin")
             outlet: Any = lsl.StreamOutlet(info)
             return lambda raw: outlet.push_sample(list(raw.values)), lambda: None
+        host, port = where
+        if kind == "serial":
+            return serial_line(Path(host))
         to = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         to.setblocking(False)
-        host, port = where
 
         def send(raw: Raw) -> None:
             try:

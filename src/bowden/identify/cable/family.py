@@ -1,5 +1,6 @@
-"""What every family of cable models offers to the identification."""
+"""What every family of cable models offers to the identification; the simplest of them, the straight line."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -7,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.identify.cable.path import Path
+from bowden.identify.cable.projection import solve_linear
 
 Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+"""What is being done now, and the share of the work that is behind."""
 
 
 @dataclass(frozen=True)
@@ -45,3 +49,24 @@ class Family(Protocol):
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """The best member for the path (perhaps another part of the log, or other weights), searched from `near`."""
         ...
+
+
+class Line:
+    """The straight line, a cable without any loss of motion: joint = slope·motor + offset."""
+
+    name = "line"
+
+    def fit(self, path: Path) -> Estimate:
+        """See `Family.fit`."""
+        basis = np.stack([path.motor, np.ones_like(path.motor)], axis=1)
+        linear, _ = solve_linear(basis, path.joint, path.weight)
+        return Estimate(
+            parameters={"slope": float(linear[0]), "offset": float(linear[1])},
+            slopes={"slope": basis[:, 0], "offset": basis[:, 1]},
+            fitted=basis @ linear,
+            theta=np.empty(0),
+        )
+
+    def refit(self, path: Path, near: Estimate) -> Estimate:
+        """See `Family.refit`."""
+        return self.fit(path)

@@ -4,19 +4,22 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.units import DEGREES
 from bowden.drawing import shown
-from bowden.identify.cable.cycles import Cycles
+from bowden.identify.cable.cycles import Cycles, drift, whole_cycles
 from bowden.identify.cable.forecast import Forecast, forecast
 from bowden.identify.cable.loop import HysteresisLoop
+from bowden.identify.cable.path import Path
 from bowden.identify.cable.turns import peak_speed
 from bowden.identify.log.read import Log
 from bowden.plants.identified import CableModel
 from bowden.plants.trust import Trust
+from bowden.records.metrics import rmse
 
 Array = NDArray[np.float64]
 
@@ -111,6 +114,20 @@ class FittedLog:
         time, *angles = self.log.time, self.log.motor, self.log.joint
         motor, joint = (peak_speed(time, one) * DEGREES for one in angles)
         return f"{time[-1] - time[0]:.4g} s, up to {motor:.3g}°/s at the motor and {joint:.3g}°/s at the joint"
+
+
+def described(log: Log, path: Path, split: int, predicted: Array, **found: Any) -> FittedLog:
+    """A log, and how it is predicted (n,) [rad], with what its path says of it; `found` are the other fields."""
+    return FittedLog(
+        log=log,
+        cycles=whole_cycles(path),
+        split=split,
+        predicted=predicted,
+        test_rms=rmse(predicted[split:] - log.joint[split:]),
+        reversals=path.strokes - 1,
+        drift=drift(path),
+        **found,
+    )
 
 
 @dataclass(frozen=True)

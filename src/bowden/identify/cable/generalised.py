@@ -41,7 +41,7 @@ from bowden.models.cable.generalised_play import (
     with_curve,
 )
 from bowden.models.cable.prandtl_ishlinskii import plays
-from bowden.plants.cables import branches_of
+from bowden.plants.predicted import branches_of
 
 _NODES = 40
 """Of each of the two curves; a cable's loop has bends of some 4 % of its stroke, which these draw to a tenth."""

@@ -8,20 +8,18 @@ import time as clock
 from collections.abc import Sequence
 from dataclasses import replace
 
+from bowden.identify.cable.family import Progress
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.loads import fit_logs
-from bowden.identify.cable.one_log import fit_log
-from bowden.identify.cable.part import Progress
-from bowden.identify.cable.recalibrate import Known, fit_gain
 from bowden.identify.cable.trust import trust
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import Scheduled
+from bowden.plants.identified import IdentifiedCable
 
 
 def identify(
     logs: Sequence[Log],
     by: Sequence[Scheduled] = (),
-    known: Known | None = None,
+    known: IdentifiedCable | None = None,
     *,
     seed: int = 0,
     progress: Progress | None = None,
@@ -43,10 +41,16 @@ def identify(
     begin = clock.perf_counter()
     tell = progress or (lambda what, share: None)
     if known is not None:
+        from bowden.identify.cable.recalibrate import fit_gain
+
         found = fit_gain(logs[0], known, by)
     elif len(logs) == 1:
+        from bowden.identify.cable.one_log import fit_log
+
         found = fit_log(logs[0], seed, tell)
     else:
+        from bowden.identify.cable.loads import fit_logs
+
         found = fit_logs(logs, by, seed, tell)
-    judged = trust(found, None if known is None else known.cable.trust)
+    judged = trust(found, None if known is None else known.trust)
     return replace(found, trust=judged, best=replace(found.best, trust=judged), seconds=clock.perf_counter() - begin)

@@ -21,7 +21,7 @@ the same load at another bend stay in the fit. The model itself is fitted to all
 
 import itertools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +29,11 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
-from bowden.identify.cable.cycles import ENOUGH, drift, whole_cycles
+from bowden.identify.cable.cycles import ENOUGH
+from bowden.identify.cable.family import Progress
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.fitted import FittedLog, ModelFit
+from bowden.identify.cable.fitted import FittedLog, ModelFit, described
 from bowden.identify.cable.loop import loop_of
-from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.projection import inverse_of, nonnegative, products
 from bowden.identify.cable.turns import find_turns
@@ -91,6 +91,8 @@ class _Moved(NamedTuple):
     """(n, K), see `hats`."""
     height: Array
     """(n, K)."""
+    begin: int
+    """Sample at the end of the first long stroke."""
     slope: float
     """Of the line through the log [rad/rad]."""
     memory: Array
@@ -147,12 +149,12 @@ def fit_logs(logs: Sequence[Log], by: Sequence[Scheduled], seed: int, tell: Prog
     left_out = (_over_logs([getattr(one, name) for one in judged]) for name in ("unseen_offset_rms", "same_offset_rms"))
     tell("done", 1.0)
     return Fit(
-        models={
+        {
             SCHEDULED: ModelFit(best, {}, None, count, *errors),
             "bouc_wen": ModelFit(CableModel("bouc_wen", plain)),
         },
-        best=best,
-        logs=tuple(judged),
+        best,
+        tuple(judged),
         judged_rms=next((one for one in left_out if np.isfinite(one)), errors[1]),
         warnings=(
             *(f"{log.name}: {said}" for log in logs for said in log.warnings),
@@ -205,7 +207,8 @@ def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
     counted = path.weight > 0.0
     motor, joint = path.motor[counted], path.joint[counted]
     slope = float(np.polyfit(motor, joint, 1, w=np.sqrt(path.weight[counted]))[0])
-    moved = _Moved(log, path, weight, first, lag, middle, height, slope, np.empty(0))
+    begin = int(np.searchsorted(log.time, path.time[np.flatnonzero(weight)[0]]))
+    moved = _Moved(log, path, weight, first, lag, middle, height, begin, slope, np.empty(0))
     return _weighted(moved, weight, frame)
 
 
@@ -337,13 +340,14 @@ def _runs_one_way(cable: ScheduledCable, sign: float) -> bool:
     return True
 
 
-def _error(one: _Moved, cable: ScheduledCable, values: Array) -> tuple[Array, Array]:
-    """Error of the joint at the log's full rate, and its time, from the end of the first long stroke on [rad], [s]."""
-    counted = one.path.weight > 0.0
-    predicted = joint_angle(one.path.motor, cable, values.tolist())[counted]
-    begin = int(np.searchsorted(one.log.time, one.path.time[np.flatnonzero(one.weight)[0]]))
-    time = one.log.time[begin:]
-    return np.interp(time, one.path.time[counted], predicted) - one.log.joint[begin:], time
+def _predicted(one: _Moved, cable: ScheduledCable, values: Array) -> Array:
+    """Joint angle at the log's full rate (m,) [rad]."""
+    return one.path.at(one.log.time, joint_angle(one.path.motor, cable, values.tolist()))
+
+
+def _error(one: _Moved, cable: ScheduledCable, values: Array) -> Array:
+    """Error of the joint at the log's full rate, from the end of the first long stroke on [rad]."""
+    return (_predicted(one, cable, values) - one.log.joint)[one.begin :]
 
 
 def _judged(
@@ -357,36 +361,27 @@ def _judged(
     unseen: dict[tuple[int, ...], ScheduledCable | None] = {}
     found = []
     for i, (one, at) in enumerate(zip(moved, values, strict=True)):
-        log, path = one.log, one.path
-        late, time = _error(one, halves, at)
-        half, begin = len(late) // 2, len(log.time) - len(time)
         alike = (level == level[i]).all(axis=1)
         own = tuple(level[i].tolist())
         if own not in unseen:
             unseen[own] = _without(moved, values, ~alike, frame) if names else None
         others = np.arange(len(moved)) != i
         same = _without(moved, values, others, frame) if alike.sum() > 1 else None
-        drawn = joint_angle(path.motor, halves, at.tolist())
-        predicted = np.interp(log.time, path.time[path.weight > 0.0], drawn[path.weight > 0.0])
-        middle = begin + half
+        log, middle = one.log, (one.begin + len(one.log.time)) // 2
         line = np.polyfit(log.motor[:middle], log.joint[:middle], 1)
-        errors: dict[str, Any] = dict(zip(("same_rms", "same_offset_rms"), _left_out(one, same, at), strict=True))
-        errors |= dict(zip(("unseen_rms", "unseen_offset_rms"), _left_out(one, unseen[own], at), strict=True))
+        errors = (*_left_out(one, same, at), *_left_out(one, unseen[own], at))
         found.append(
-            FittedLog(
-                log=log,
-                cycles=whole_cycles(path),
-                split=middle,
-                predicted=predicted,
-                train_rms=rmse(_error(one, cable, at)[0]),
-                test_rms=rmse(late[half:]),
-                reversals=path.strokes - 1,
+            described(
+                log,
+                one.path,
+                middle,
+                _predicted(one, halves, at),
+                train_rms=rmse(_error(one, cable, at)),
                 line_rms=rmse(np.polyval(line, log.motor[middle:]) - log.joint[middle:]),
-                loop=loop_of(path, joint_angle(path.motor, cable, at.tolist())),
-                drift=drift(path),
-                fitted_from=begin,
+                loop=loop_of(one.path, joint_angle(one.path.motor, cable, at.tolist())),
+                fitted_from=one.begin,
                 values=tuple(at.tolist()),
-                **errors,
+                **dict(zip(("same_rms", "same_offset_rms", "unseen_rms", "unseen_offset_rms"), errors, strict=True)),
             )
         )
     return found
@@ -396,7 +391,7 @@ def _beside(moved: Sequence[_Moved], values: Array, cable: ScheduledCable) -> li
     """What is to be said of logs that lie beside the others at their load: an encoder that was zeroed again."""
     found, least = [], _BESIDE * cable.step * (cable.middle.shape[1] - 1)
     for one, at in zip(moved, values, strict=True):
-        error, _ = _error(one, cable, at)
+        error = _error(one, cable, at)
         mean = abs(float(error.mean()))
         if mean > max(least, 0.5 * float(error.std())):
             found.append(f"{one.log.name} by {mean * DEGREES:.2g}°")
@@ -419,6 +414,6 @@ def _without(moved: Sequence[_Moved], values: Array, kept: NDArray[np.bool_], fr
 def _left_out(one: _Moved, cable: ScheduledCable | None, values: Array) -> tuple[float, float]:
     if cable is None:
         return float("nan"), float("nan")
-    error, _ = _error(one, cable, values)
+    error = _error(one, cable, values)
     half = len(error) // 2
     return rmse(error), rmse(error[half:] - error[:half].mean())

@@ -58,6 +58,16 @@ class Path:
         parts = (self.motor[kept], self.joint[kept], self.weight[kept], self.time[kept], self.stroke[kept])
         return Path(*parts, self.turning[: strokes + 1], self.start_error, self.reversal_error)
 
+    def at(self, time: Array, values: Array) -> Array:
+        """Values of the nodes (n,) at times of the log (m,): straight between the nodes that have a weight.
+
+        A path at the log's full rate is the motor's motion freed of encoder noise, along which a model is simulated.
+        Bouc–Wen needs that: its small loops do not close, so that a flicker of the encoder, at rest most of all, drives
+        h towards zero, which the cable itself does not do.
+        """
+        counted = self.weight > 0.0
+        return np.interp(time, self.time[counted], values[counted])
+
     def with_weight(self, weight: Array) -> "Path":
         """The same path, its nodes weighted otherwise (n,)."""
         return replace(self, weight=weight)

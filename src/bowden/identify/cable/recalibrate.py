@@ -25,26 +25,24 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import DEGREES
-from bowden.identify.cable.cycles import drift, whole_cycles
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.fitted import FittedLog, ModelFit, Recalibration
+from bowden.identify.cable.fitted import ModelFit, Recalibration, described
 from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.projection import solve_linear
 from bowden.identify.cable.turns import find_turns
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import Scheduled
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cable_parameters import outside
-from bowden.plants.cables import DISTRIBUTED
 from bowden.plants.counting import Covered
 from bowden.plants.identified import CableModel, IdentifiedCable
-from bowden.plants.predicted import SCHEDULED
+from bowden.plants.predicted import DISTRIBUTED, SCHEDULED
 from bowden.plants.recounted import fitted_range
 from bowden.records.metrics import rmse
 
@@ -77,27 +75,18 @@ _SHIFTED = re.compile(r"offset|middle_\d+")
 """Parameters to which an offset is added."""
 
 
-class Known(NamedTuple):
-    """A model of a cable, as it was identified."""
-
-    cable: IdentifiedCable
-    judged: float = math.nan
-    """Error of its recommended model on data that it had not seen; NaN where nothing says it [rad]."""
-
-
-def fit_gain(log: Log, known: Known, by: Sequence[Scheduled] = ()) -> Fit:
+def fit_gain(log: Log, cable: IdentifiedCable, by: Sequence[Scheduled] = ()) -> Fit:
     """Fit gain and offset of a known cable's recommended model to a log; all its models get them.
 
     Args:
         log: seconds of motion with a reversal at least, read and checked.
-        known: the cable as it was identified.
+        cable: as it was identified.
         by: load or bend of the log, of a scheduled model.
 
     Raises:
         LogError: no reversal, or a joint that moves the other way: another cable.
         ParameterError: a model that has no gain, or no such variable, or one in another unit.
     """
-    cable, judged = known
     if cable.best in DISTRIBUTED:
         raise ParameterError(
             f"the model {cable.best!r} is not identified from logs and has no gain or offset of its own",
@@ -111,8 +100,7 @@ def fit_gain(log: Log, known: Known, by: Sequence[Scheduled] = ()) -> Fit:
             expected="at least one stroke back and forth",
             do="record some seconds more",
         )
-    _check_units(cable, by)
-    given, warnings = _placed(cable, {one.name: one.values[0] for one in by})
+    given, warnings = _placed(cable, by)
     gain, offset, error, drawn, sure = _fit(path, given.model())
     if not gain > 0.0:
         raise LogError(
@@ -120,10 +108,8 @@ def fit_gain(log: Log, known: Known, by: Sequence[Scheduled] = ()) -> Fit:
             expected="a gain near 1",
             do="check the columns and which cable it is, or identify this log",
         )
-    counted = path.weight > 0
-    predicted = np.interp(log.time, path.time[counted], (gain * drawn + offset)[counted])
-    before = np.interp(log.time, path.time[counted], drawn[counted]) - log.joint
-    left = predicted - log.joint
+    predicted = path.at(log.time, gain * drawn + offset)
+    before, left, judged = path.at(log.time, drawn) - log.joint, predicted - log.joint, cable.judged
     changed = _has_changed(_block_means(log, path, left**2), judged, log.resolutions[1])
     after, ratio = rmse(left), max(gain, 1.0 / gain)
     beyond = _outside_stroke(log, given)
@@ -147,9 +133,12 @@ def fit_gain(log: Log, known: Known, by: Sequence[Scheduled] = ()) -> Fit:
         )
     if not sure:
         warnings.append("the motion is too short or too small for a gain: only the offset was fitted again")
-    cycles, half = whole_cycles(path), len(log.time) // 2
-    if cycles.more:
-        warnings.append(f"to identify the cable from this log, {cycles.to_record}: it has {cycles.counted}")
+    values = tuple(one.values[0] for one in by)
+    fitted = described(log, path, len(log.time) // 2, predicted, train_rms=after, values=values)
+    if fitted.cycles.more:
+        warnings.append(
+            f"to identify the cable from this log, {fitted.cycles.to_record}: it has {fitted.cycles.counted}"
+        )
     models = {
         name: CableModel(name, recalibrated(parameters, gain, offset))
         for name, parameters in given.models.items()
@@ -158,24 +147,12 @@ def fit_gain(log: Log, known: Known, by: Sequence[Scheduled] = ()) -> Fit:
     others = {name: one.parameters for name, one in models.items() if name != given.best}
     joints = None if given.covered is None else [gain * one + offset for one in given.covered[2:]]
     covered = None if joints is None or given.covered is None else Covered(*given.covered[:2], *joints)
-    fitted = {name: ModelFit(one) for name, one in models.items()}
-    fitted[given.best] = replace(fitted[given.best], fitted_count=1 + sure, train_rms=after)
+    best = replace(models[given.best], others=others, covered=covered, encoders=given.encoders)
     return Fit(
-        models=fitted,
-        best=replace(models[given.best], others=others, covered=covered, encoders=given.encoders),
-        logs=(
-            FittedLog(
-                log=log,
-                cycles=cycles,
-                split=half,
-                predicted=predicted,
-                train_rms=after,
-                test_rms=rmse(left[half:]),
-                reversals=path.strokes - 1,
-                drift=drift(path),
-                values=tuple(one.values[0] for one in by),
-            ),
-        ),
+        {name: ModelFit(one) for name, one in models.items()}
+        | {given.best: ModelFit(models[given.best], fitted_count=1 + sure, train_rms=after)},
+        best,
+        (fitted,),
         judged_rms=judged,
         warnings=(*log.warnings, *warnings),
         units={one.name: one.unit or cable.units.get(one.name, "") for one in by},
@@ -200,17 +177,6 @@ def recalibrated(parameters: Mapping[str, float], gain: float, offset: float) ->
     return {name: value + offset if _SHIFTED.fullmatch(name) else value for name, value in found.items()}
 
 
-def _check_units(cable: IdentifiedCable, by: Sequence[Scheduled]) -> None:
-    for one in by:
-        own = cable.units.get(one.name, "")
-        if one.unit and own and one.unit != own:
-            raise ParameterError(
-                f"the {one.name} is in {one.unit}, {cable.file or 'the model'} has it in {own}",
-                expected="one unit",
-                do=f"give {one.name} its value in {own}",
-            )
-
-
 def _outside_stroke(log: Log, cable: IdentifiedCable) -> float:
     """How far the motor leaves the range that a model of the cable says it was fitted to; 0 where none does [rad]."""
     ends = [found for one in cable.models.values() if (found := fitted_range(one)) is not None]
@@ -221,8 +187,17 @@ def _outside_stroke(log: Log, cable: IdentifiedCable) -> float:
     return beyond if beyond > _BEYOND * (high - low) else 0.0
 
 
-def _placed(cable: IdentifiedCable, values: Mapping[str, float]) -> tuple[IdentifiedCable, list[str]]:
+def _placed(cable: IdentifiedCable, by: Sequence[Scheduled]) -> tuple[IdentifiedCable, list[str]]:
     """The cable at the log's load and bend, and what is to be said of them."""
+    for one in by:
+        own = cable.units.get(one.name, "")
+        if one.unit and own and one.unit != own:
+            raise ParameterError(
+                f"the {one.name} is in {one.unit}, {cable.file or 'the model'} has it in {own}",
+                expected="one unit",
+                do=f"give {one.name} its value in {own}",
+            )
+    values = {one.name: one.values[0] for one in by}
     known = [name for name in VARIABLES if f"{name}_low" in cable.model().parameters and cable.best == SCHEDULED]
     for name in values:
         if name not in known:
@@ -269,12 +244,9 @@ def _fit(path: Path, model: CableModel) -> tuple[float, float, float, Array, boo
 
 def _solved(drawn: Array, joint: Array, weight: Array) -> tuple[float, float, float]:
     """a, b [rad] and the weighted sum of squares that they leave [rad²]."""
-    share = weight / weight.sum()
-    centre, height = float(share @ drawn), float(share @ joint)
-    power = float(share @ (drawn - centre) ** 2)
-    gain = float(share @ ((drawn - centre) * (joint - height))) / max(power, 1e-300)
-    rest = joint - height - gain * (drawn - centre)
-    return gain, height - gain * centre, float(weight @ rest**2)
+    basis = np.stack([drawn, np.ones_like(drawn)], axis=1)
+    (gain, offset), _ = solve_linear(basis, joint, weight)
+    return float(gain), float(offset), float(weight @ (joint - gain * drawn - offset) ** 2)
 
 
 def _blocks(path: Path) -> NDArray[np.int64]:

@@ -1,7 +1,7 @@
 """An operation as its file declares it, and its parameters as its signature and docstring have them."""
 
 import enum
-import importlib
+import importlib.util
 import inspect
 import pkgutil
 import re
@@ -16,7 +16,7 @@ PACKAGES = ("bowden.operations", "bowden.paper.operations")
 
 A file's name begins with the first word of its operations (``emg_stream.py`` has ``emg stream`` and ``emg serve``), so
 that a command line imports what its first word names, and no other. The view of ``operations/NAME.py`` is
-``views/NAME.py``.
+``views/NAME.py``, or in ``views/short.py``.
 """
 
 
@@ -168,7 +168,8 @@ class Operation(NamedTuple):
     @property
     def view(self) -> Any:
         """The module that shows and writes its results: ``show_NAME``, and ``write_NAME`` where it writes files."""
-        return importlib.import_module(self.function.__module__.replace(".operations.", ".views."))
+        own = self.function.__module__.replace(".operations.", ".views.")
+        return importlib.import_module(own if importlib.util.find_spec(own) else "bowden.views.short")
 
     def viewer(self, does: str) -> Callable[..., Any] | None:
         """The function ``show_NAME`` or ``write_NAME`` of its view."""

@@ -4,13 +4,12 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable
 from functools import wraps
-from inspect import Parameter, signature
+from inspect import signature
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-from bowden.core import arguments
-from bowden.core.errors import BowdenError, ParameterError
-from bowden.core.guesses import UnknownArgumentError, answer
+from bowden.core import arguments, guesses
+from bowden.core.errors import ParameterError
 from bowden.operations.support import operation
 from bowden.operations.support.results import Result
 from bowden.operations.support.trust import doubt, trusted
@@ -41,26 +40,14 @@ def public(function: Callable[Given, Result[Value]]) -> Callable[Given, Value]:
     An unknown argument is refused with the likely one.
     """
     form, known = signature(function), operation.parameters(function)
-    any_name = any(one.kind is Parameter.VAR_KEYWORD for one in form.parameters.values())
-    name = function.__name__
 
     @wraps(function)
     def called(*given: Given.args, **named: Given.kwargs) -> Value:
-        for one in named:
-            if one not in form.parameters and not any_name:
-                raise UnknownArgumentError(answer(name, one, form.parameters, _GUESSES))
-        try:
-            bound = form.bind(*given, **named)
-        except TypeError as error:
-            expected = f"{name}({', '.join(form.parameters)})"
-            raise UnknownArgumentError(f"{name}: {error}", expected=expected) from None
-        try:
-            for one, value in bound.arguments.items():
-                if one in known:
-                    bound.arguments[one] = _checked(known[one], value, name)
-            found: Any = function(*bound.args, **bound.kwargs)
-        except BowdenError as error:
-            raise error from None
+        bound = form.bind(*given, **named)
+        for one, value in bound.arguments.items():
+            if one in known:
+                bound.arguments[one] = _checked(known[one], value, function.__name__)
+        found: Any = function(*bound.args, **bound.kwargs)
         rigs = [bound.arguments[one] for one, kind in known.items() if kind.is_rig and one in bound.arguments]
         if not isinstance(found, Result):  # a new rig, or a run that has yet to begin
             own = getattr(found, "cable_trust", None)
@@ -72,8 +59,8 @@ def public(function: Callable[Given, Result[Value]]) -> Callable[Given, Value]:
             raise found.interruption()
         return found.value
 
-    called.__module__ = "bowden"  # where it is found again, by another process too
-    return called
+    answering: Any = guesses.public(called, _GUESSES)
+    return answering
 
 
 def _checked(one: operation.OperationParameter, value: Any, function: str) -> Any:

@@ -31,13 +31,15 @@ class Result(Documented, Generic[Value]):
     """Those of the notes that the figures say too: they do not stand beside a JSON document."""
     interrupted: str = ""
     """What was done before an interruption, up to where it was written; empty where there was no interruption."""
+    made: Value | None = None
+    """What the function of ``import bowden`` returns, and what views draw; None for the result itself."""
     cable_trust: Any = None
     """Trust in the model of the cable; None where nothing says it."""
 
     @property
     def value(self) -> Value:
         """What the function of ``import bowden`` returns."""
-        return self  # type: ignore[return-value]
+        return self if self.made is None else self.made  # type: ignore[return-value]
 
     @property
     def whole_document(self) -> dict[str, Any] | None:

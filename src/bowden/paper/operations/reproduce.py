@@ -59,12 +59,7 @@ class Reproduced(Result["Reproduction"]):
     calibrations: tuple[dict[str, Any], ...]
     """What two earlier calibrations predict, by claim; empty where only a part was asked for."""
     _: KW_ONLY
-    outcome: "Reproduction"
-
-    @property
-    def value(self) -> "Reproduction":
-        """The judged claims."""
-        return self.outcome
+    made: "Reproduction"
 
 
 def reproduce(*, only: list[str] | None = None, progress: GivenProgress = None) -> Reproduced:
@@ -83,7 +78,7 @@ def reproduce(*, only: list[str] | None = None, progress: GivenProgress = None) 
         outcome = run(only or [], report)
     said = outcome.json()
     claims, remarks = (JudgedClaim(**one) for one in said["claims"]), (EquationRemark(**one) for one in said["remarks"])
-    return Reproduced(tuple(claims), tuple(remarks), tuple(said["calibrations"]), outcome=outcome)
+    return Reproduced(tuple(claims), tuple(remarks), tuple(said["calibrations"]), made=outcome)
 
 
 OPERATIONS = (

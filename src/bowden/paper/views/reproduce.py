@@ -31,7 +31,7 @@ def write_reproduce(found: "Reproduced", call: Call, *, out: Folder = Path("out/
     from bowden.paper.report import write_report
 
     with whole_files(out) as folder:
-        write_report(found.outcome, folder / "reproduce.html")
+        write_report(found.value, folder / "reproduce.html")
     return [out / "reproduce.html"]
 
 

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.sim.emg import NOISE, background, contractions
-from bowden.sim.emg_sources import hum
+from bowden.sim.emg import NOISE, background, contractions, hum
 from bowden.sim.samples.files import SampleFile, csv_text
 
 Array = NDArray[np.float64]

@@ -8,7 +8,6 @@ from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 from bowden.hardware.buses.place import EXTENDED
-from bowden.hardware.drives import ak_frames as frames
 from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.ak_frames import HIGHEST_KD, HIGHEST_KP, HIGHEST_POSITION, MODELS, AkModel, error_text
@@ -91,7 +90,7 @@ class AkParameters(NamedTuple):
 
     def rules(self) -> Iterator[on_can.Rule]:
         """See `on_can.require`."""
-        table = frames.MODELS_V3 if self.board == "v3" else MODELS
+        table = MODELS[self.board]
         yield "model", self.model in table, f"of a board {self.board.upper()}: {', '.join(table)}"
         model, needs, least = model_of(self), self.needs, LOST * self.needs.sample_time
         if self.board == "v3":
@@ -125,6 +124,10 @@ class AkParameters(NamedTuple):
                 expected=f"at most {most:.4g} N·m, as far as an {self.model} can report it",
                 do="reduce current_limit_a in [motor], or correct torque_constant_nm_per_a there",
             )
+        if self.home == "counts" and self.interface != "bowden_unix":
+            turn, do = 2.0 * math.pi / model.gear, f"{on_can.ELSEWHERE}make the range in [limits] smaller"
+            expected = 'less than a turn with home = "counts"'
+            on_can.check_turn(self, motor_scale(self), turn, "the rotor; the drive forgets", expected, do)
         if self.home == "hint" and needs.spool is None:
             period = 2.0 * math.pi / needs.gear
             if needs.highest_motor < self.motor_hint - period or needs.lowest_motor > self.motor_hint + period:
@@ -144,7 +147,7 @@ def reply_id(drive: AkParameters) -> int:
 
 def model_of(drive: AkParameters) -> AkModel:
     """Its ranges."""
-    return {**MODELS, **frames.MODELS_V3}[drive.model] if drive.board == "v3" else MODELS[drive.model]
+    return MODELS[drive.board].get(drive.model) or MODELS["v2"][drive.model]
 
 
 def command_id(drive: AkParameters) -> int:

@@ -1,4 +1,4 @@
-"""A rig's joint as a simulation has it: several motors with their cables on it, and one run of them."""
+"""Runs of what a rig describes: a bench, the suit where one is worn, or a joint with several motors."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,12 +6,44 @@ from dataclasses import replace
 import numpy as np
 
 from bowden.control.law import Law
+from bowden.control.source import TABLE
 from bowden.plants.user_plant import UserPlant
+from bowden.records.trace import Trace
 from bowden.records.traces import Traces
 from bowden.rig.joints import RigJoint
+from bowden.rig.rig import Rig
 from bowden.sim import ranges
+from bowden.sim.injected import SensorFault
 from bowden.sim.joint import CabledJoint, JointMotor, Range, simulate_joint
-from bowden.sim.one_run import run_of
+from bowden.sim.run import simulate
+
+
+def run_of(rig: Rig, law: Law, fault: SensorFault | None = None) -> Trace:
+    """The trace of one run, with the rig's hash in its settings.
+
+    Args:
+        rig: as it is to be simulated; one moved by EMG is taken `offline`.
+        law: with the gains that the rig gives it.
+        fault: of a sensor.
+
+    Raises:
+        ParameterError: a setting that cannot be.
+        StreamError: a recording of EMG that cannot be used.
+    """
+    rig = rig.offline()
+    trace = simulate(
+        rig.simulated_plant,
+        law,
+        rig.trajectory,
+        duration=rig.duration,
+        bend=rig.bend_path,
+        seed=rig.seed,
+        initial_motor=rig.start_motor,
+        source=TABLE if rig.pushing is None else rig.pushing.source(law),
+        fault=fault,
+    )
+    trust = {} if rig.cable_trust is None else {"cable_trust": rig.cable_trust._asdict()}
+    return replace(trace, settings={**trace.settings, "rig": rig.hash, **trust})
 
 
 def cabled_joint_of(joint: RigJoint) -> CabledJoint:

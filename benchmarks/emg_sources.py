@@ -100,26 +100,3 @@ def heart(rate: float, count: int, beats: float, random: np.random.Generator) ->
             out[first:last] += size * np.exp(-0.5 * ((here - delay) / (width * sharp)) ** 2)
         at += random.normal(1.0, 0.05) / beats
     return out
-
-
-def hum(rate: float, count: int, mains: float, harmonics: float, random: np.random.Generator) -> Array:
-    """Mains at an RMS of 1, whose size and frequency wander, with harmonics up to the ninth, (count,).
-
-    Args:
-        rate: samples a second [Hz].
-        count: samples.
-        mains: frequency; it wanders by ± 0.1 Hz [Hz].
-        harmonics: share of the third one; others have less [–].
-        random: where it comes from.
-    """
-    time = np.arange(count) / rate
-    duration = max(float(time[-1]), 1e-9)
-    knots = np.linspace(0.0, duration, 3 + int(duration / 8.0))
-    wander = np.interp(time, knots, random.uniform(-0.1, 0.1, len(knots)))
-    phase = 2.0 * math.pi * np.cumsum(mains + wander) / rate
-    out = np.sin(phase)
-    for k, share in ((2, 0.3), (3, 1.0), (4, 0.15), (5, 0.6), (7, 0.4), (9, 0.2)):
-        if k * mains < 0.45 * rate:
-            out += harmonics * share * random.uniform(0.3, 1.0) * np.sin(k * phase + random.uniform(0.0, 6.3))
-    out *= np.interp(time, knots, random.uniform(0.7, 1.3, len(knots)))
-    return out / max(float(np.std(out)), 1e-12)

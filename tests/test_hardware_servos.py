@@ -1,4 +1,4 @@
-"""Dynamixel: its packets against ROBOTIS' own library, bring-up, a run, and what must not go wrong."""
+"""Serial servos: Dynamixel's packets against ROBOTIS' own library, Feetech's against its manual, and their lines."""
 
 import math
 import os
@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from bowden.core.errors import BowdenError, DriveError, ParameterError
+from bowden.core.errors import BowdenError, DriveError, SafetyError
 from bowden.core.signals import DriveState
 from bowden.core.units import RADIANS
 from bowden.hardware.buses.link import Links
@@ -17,16 +17,24 @@ from bowden.hardware.buses.packets import DYNAMIXEL, FEETECH, STATUS, PacketRead
 from bowden.hardware.buses.place import ERROR
 from bowden.hardware.buses.serial_bus import SerialBus, port_of
 from bowden.hardware.drives.families.dynamixel import FAMILY, MODELS, DynamixelParameters
+from bowden.hardware.drives.families.feetech import FeetechParameters
+from bowden.hardware.drives.findings import JOINT_SERVO
 from bowden.hardware.drives.on_can import require
 from bowden.hardware.drives.servo_table import ServoRegister, cycle_time
-from bowden.hardware.ports import Power, TorqueLeft
+from bowden.hardware.ports import Power
 from bowden.hardware.twin.servo_node import ServoNode
+from bowden.live.by_hand import require_watch
+from bowden.rig.rig import Rig
 from support.lines import Line
 from support.memory_bus import DriverLoop, MemoryBus, asking, bench_at
 
-sdk = pytest.importorskip("dynamixel_sdk", reason="pip install 'bowden[partners]'")
-
+FEETECH_DRIVE = FeetechParameters(motor_home=-90.0 * RADIANS)
 DRIVE = asking(DynamixelParameters(motor_home=-90.0 * RADIANS), lowest_motor=-0.3, highest_motor=2.0, current_limit=2.0)
+
+
+@pytest.fixture
+def sdk() -> Any:
+    return pytest.importorskip("dynamixel_sdk", reason="pip install 'bowden[partners]'")
 
 
 def frames(count: int, seed: int) -> Iterator[tuple[int, bytes]]:
@@ -44,7 +52,7 @@ def test_a_frame_is_the_same_after_it_was_packed(packets: Packets) -> None:
         assert reader.feed(packets.pack(number, data)) == [(number, data)]
 
 
-def test_packets_are_those_of_robotis() -> None:
+def test_packets_are_those_of_robotis(sdk: Any) -> None:
     theirs = sdk.PacketHandler(2.0)
     for number, data in frames(500, 2):
         packet = [0xFF, 0xFF, 0xFD, 0, number, *(len(data) + 2).to_bytes(2, "little"), *data, 0, 0]
@@ -54,7 +62,7 @@ def test_packets_are_those_of_robotis() -> None:
         assert bytes(packet[:end]) + crc.to_bytes(2, "little") == DYNAMIXEL.pack(number, data)
 
 
-def test_models_and_addresses_are_those_of_robotis() -> None:
+def test_models_and_addresses_are_those_of_robotis(sdk: Any) -> None:
     from dynamixel_easy_sdk.control_table import ControlTable
 
     for name, table in MODELS.items():
@@ -90,26 +98,6 @@ def test_a_signed_register_keeps_its_value(sign: int) -> None:
         assert register.decode(register.encode(value)) == value
 
 
-def test_it_follows_and_tells_both_angles() -> None:
-    loop = DriverLoop(DRIVE).up()
-    last = loop.run(300, Power.ON, speed=1.0)[-1]
-    assert math.isclose(last.motor, loop.node.bench.motor, abs_tol=0.01)
-    assert math.isclose(last.joint, loop.node.bench.joint, abs_tol=0.01)
-    assert last.foreign == last.bus_errors == last.emergency == 0.0
-    assert loop.drive.close() == TorqueLeft.OFF
-    assert not loop.powered
-
-
-def test_enabling_moves_nothing() -> None:
-    loop = DriverLoop(DRIVE)
-    loop.drive.bring_up()
-    loop.run(20, Power.OFF)
-    before = loop.node.bench.motor
-    loop.run(30, Power.ON)
-    assert loop.powered
-    assert math.isclose(loop.node.bench.motor, before, abs_tol=2e-3)
-
-
 def test_a_silent_host_stops_it_and_it_is_not_led_on_before_an_acknowledgement() -> None:
     loop = DriverLoop(DRIVE).up()
     loop.advance(0.06)
@@ -123,38 +111,13 @@ def test_a_silent_host_stops_it_and_it_is_not_led_on_before_an_acknowledgement()
     assert loop.run(20, Power.ON)[-1].drive_state == DriveState.OPERATION_ENABLED
 
 
-def test_a_hardware_error_ends_with_a_restart_and_a_bring_up() -> None:
-    loop = DriverLoop(DRIVE).up()
-    loop.inject("drive_fault 4")
-    assert "overheating" in FAMILY.explain(int(next(one.emergency for one in loop.run(9, Power.ON) if one.emergency)))
-    loop.run(9, Power.OFF)
-    loop.drive.reset_fault()
-    assert all(math.isnan(one.motor) for one in loop.run(600, Power.OFF)[5:])  # its turn may be another
-    loop.drive.bring_up()
-    assert loop.run(20, Power.OFF)[-1].drive_state == DriveState.SWITCH_ON_DISABLED
-
-
-REFUSED: dict[str, tuple[Any, dict[int, int], str]] = {
-    "torque": (DRIVE, {64: 1}, "runs already"),
-    "another model": (DRIVE, {0: 6, 1: 4}, "correct drive.model"),
-    "return delay": (DRIVE, {9: 250}, "Return Delay Time is 250"),
-    "another mode": (DRIVE, {11: 3}, "Operating Mode is 3"),
-    "no watchdog": (DRIVE, {98: 0}, "Bus Watchdog 0 after 2"),
-    "reversed": (DRIVE, {10: 1}, "Drive Mode is 1"),
-    "current": (DRIVE, {38: 10, 39: 0}, "beyond the drive's own"),
-    "its own limit": (DRIVE._replace(model="PH54-200-S500"), {38: 255, 39: 15}, "may draw more"),
-    "firmware": (DRIVE._replace(model="XL330-M288"), {6: 52}, "Firmware Version is 52"),
-    "its turn": (DRIVE._replace(motor_home=0.0), {}, "after power-off"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_is_refused_before_power(case: str) -> None:
-    drive, registers, said = REFUSED[case]
-    loop = DriverLoop(drive, registers)
-    with pytest.raises(DriveError, match=said):
-        loop.drive.bring_up()
-    assert "torque_on" not in loop.events
+@pytest.mark.parametrize("drive", [DRIVE, FEETECH_DRIVE])
+@pytest.mark.parametrize("register", ["Torque Enable", "Hardware Error Status"])
+def test_a_servo_on_the_joint_that_does_more_than_measure_ends_the_run(drive: Any, register: str) -> None:
+    loop = DriverLoop(drive).up()
+    loop.node._joint[register] = 1
+    assert JOINT_SERVO in {reading.emergency for reading in loop.run(3, Power.ON)}
+    assert "servo on the joint" in FAMILY.explain(JOINT_SERVO)
 
 
 def test_two_servos_of_one_number_are_refused() -> None:
@@ -176,19 +139,14 @@ def test_the_angle_after_power_off_is_the_one_before(home: str) -> None:
     assert math.isclose(loop.run(9, Power.OFF)[-1].motor, before, abs_tol=0.02)
 
 
-def test_a_range_of_more_than_a_turn_needs_a_hint() -> None:
-    wide = asking(DRIVE, highest_motor=6.5)
-    with pytest.raises(ParameterError, match="forgets at power-off"):
-        require(wide)
-    require(wide._replace(home="hint"))
-
-
 def test_a_chain_is_slower_than_one_servo_and_quicker_at_more_bits_a_second() -> None:
     for rate in (1_000_000, 3_000_000):
         assert cycle_time([DRIVE._replace(bitrate=rate)] * 6) > cycle_time([DRIVE._replace(bitrate=rate)])
     assert cycle_time([DRIVE] * 6) > cycle_time([DRIVE._replace(bitrate=3_000_000)] * 6)
-    with pytest.raises(ParameterError, match="too short"):
-        require(asking(DRIVE, sample_time=1e-3))
+
+
+def test_a_range_of_more_than_a_turn_needs_a_hint() -> None:
+    require(asking(DRIVE, highest_motor=6.5)._replace(home="hint"))
 
 
 def test_two_motors_on_a_line_share_one_write_and_one_question() -> None:
@@ -222,17 +180,21 @@ def test_a_servo_that_hears_nothing_holds_with_torque() -> None:
     assert "its supply is cut" in FAMILY.unseen_watch(DRIVE)
 
 
+COMM_SUCCESS = 0
+"""Of ROBOTIS' library."""
+
+
 def insisted(call: Any, *arguments: Any) -> Any:
     """What ROBOTIS' library says once an answer came: it waits in a busy loop, and the twin is in this process."""
     for _ in range(50):
         said = call(*arguments)
-        if sdk.COMM_SUCCESS in (said, *(said[-2:-1] if isinstance(said, tuple) else ())):
+        if COMM_SUCCESS in (said, *(said[-2:-1] if isinstance(said, tuple) else ())):
             return said
         time.sleep(0.02)
     pytest.fail(f"{call.__name__}{arguments} came to nothing")
 
 
-def test_robotis_library_moves_the_twin_over_a_line(tmp_path: Any) -> None:
+def test_robotis_library_moves_the_twin_over_a_line(sdk: Any, tmp_path: Any) -> None:
     with Line(DRIVE, str(tmp_path)) as line:
         port, packets = sdk.PortHandler(port_of(str(tmp_path))), sdk.PacketHandler(2.0)
         assert port.setBaudRate(DRIVE.bitrate)
@@ -271,3 +233,23 @@ def test_noise_on_the_line_is_an_error_frame(tmp_path: Any) -> None:
     bus.shutdown()
     for end in (host, line):
         os.close(end)
+
+
+def test_a_packet_is_the_one_of_feetechs_manual() -> None:
+    assert FEETECH.pack(1, FEETECH.read(0x38, 2)).hex(" ") == "ff ff 01 04 02 38 02 be"
+
+
+def test_a_feetech_servo_is_for_no_limb() -> None:
+    rig = Rig().replace(sample_time=5e-3, drive=FEETECH_DRIVE._replace(interface="serial", channel="/dev/ttyUSB0"))
+    with pytest.raises(SafetyError, match="no watchdog"):
+        require_watch(rig)
+    require_watch(rig.replace(drive=rig.drive._replace(no_limb=True)))
+
+
+def test_a_raw_sync_read_on_the_line_is_answered_in_its_order(tmp_path: Any) -> None:
+    with Line(FEETECH_DRIVE, str(tmp_path)):
+        bus = SerialBus(port_of(str(tmp_path)), 1_000_000, "feetech")
+        bus.put(254, FEETECH.sync_read(56, 2) + bytes((2, 1)))
+        answers = [bus.recv(1.0) for _ in range(2)]
+        assert [one.arbitration_id for one in answers if one is not None] == [2, 1]
+        bus.shutdown()
