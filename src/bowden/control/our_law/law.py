@@ -6,7 +6,7 @@
     x' = 2q·(d̂ + I − x)                                       the innovation: what of d̂ is not yet in −I
     I' = −κ·x·x²/(x² + σ₀²),  |I'| ≤ V = v + s·|φ̇|            the correction asked for
     F'' = q²·(I − F) − 1.7q·F'                                the correction sent, twice differentiable
-    command = the servo's inverse of it, + f − r·u, f' = −r·u/(2T_s)        what the drive does not make up for itself
+    command = the servo's inverse of it, + f                  f' = −r·(u' + u/(2T_s)), for what the drive leaves
 
 Everything that moves the joint is one disturbance, which is taken away. The law's own correction cancels in d̂: where
 servo, delay, slope and load are as modelled nothing is fed back. In the feedback stands a₀, in the plan a: what is
@@ -65,8 +65,7 @@ class ExpectedMotor(NamedTuple):
     position: Annotated[float, Quantity("p, the motor a delay later", "rad")]
     velocity: Annotated[float, Quantity("its rate", "rad/s")]
     shortfall: Annotated[float, Quantity("u, by which the motor falls short", "rad")]
-    fed_forward: Annotated[float, Quantity("f, what a lasting shortfall adds to the command", "rad")]
-    added: Annotated[float, Quantity("f − r·u, what is added to the command", "rad")]
+    fed_forward: Annotated[float, Quantity("f, what is added to the command for it", "rad")]
     pending: Annotated[float, Quantity("part of a jump of f that is still to come", "rad")]
     side: Annotated[float, Quantity("sign of the reference's way", "1")]
     sticks: Annotated[bool, Quantity("the motor has not moved since the reference turned")]
@@ -130,26 +129,26 @@ def update_drive(
     jumps by b, and back where the reference turns again before the motor has moved.
     """
     omega, late, most, jump = gains.servo_frequency, servo_time(gains), 3.0 * WIDEST, 0.0
-    sticks, place, lacked, added = before.sticks, before.place, before.lacked, before.added
-    this_way = before.stick_back if side < 0.0 else before.stick
+    sticks, place, lacked, added = before.sticks, before.place, before.lacked, before.fed_forward
+    stick, back = before.stick, before.stick_back
     if side * before.side < 0.0:
-        jump = lacked - added - before.pending if sticks else side * this_way
+        jump = lacked - added - before.pending if sticks else side * (back if side < 0.0 else stick)
         sticks, place, lacked = not sticks, motor, added
     elif sticks:
         place = side * min(side * place, side * motor)
         if side * (motor - place) > EXPECTED:
-            sticks, jump, this_way = False, -before.pending, max(0.0, min(most, side * (added - lacked)))
-    up, down = before.stick if side < 0.0 else this_way, this_way if side < 0.0 else before.stick_back
-
+            took = max(0.0, min(most, side * (added - lacked)))
+            stick, back = stick if side < 0.0 else took, took if side < 0.0 else back
+            sticks, jump = False, -before.pending
     pending = (before.pending + jump) * late / (late + dt)
-    lacks = shortfall * max(0.0, 1.0 - late / SERVO_DOUBT * gains.servo_integral)  # r·u, not made up for by the drive
-    forward = max(-most, min(most, before.fed_forward + dt / late * (pending - SERVO_DOUBT * lacks)))
-    added = max(-most, min(most, forward - lacks))
+    share = max(0.0, 1.0 - late / SERVO_DOUBT * gains.servo_integral)  # r: the drive's integral makes up for the rest
+    lacks = share * (shortfall - before.shortfall + dt * SERVO_DOUBT / late * shortfall)
+    forward = max(-most, min(most, added + dt / late * pending - lacks))
     stiff = omega * omega * dt
     slower = 1.0 + dt * (2.0 * gains.servo_damping * omega + stiff)
     velocity = (before.velocity + stiff * (command - before.position)) / slower
     position = before.position + dt * velocity
-    return ExpectedMotor(position, velocity, shortfall, forward, added, pending, side, sticks, place, lacked, up, down)
+    return ExpectedMotor(position, velocity, shortfall, forward, pending, side, sticks, place, lacked, stick, back)
 
 
 @kernel
@@ -204,7 +203,7 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     observer = Observer(o, 0.0, o, 0.0, o, 0.0, -o)
     monitor = OscillationMonitor(0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0)
     cable = DeadzoneState(0.0, False, FURTHEST, 0.0, 0.0, 0.0, width, width, o, joint, inverse, joint, o)
-    drive = ExpectedMotor(motor, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, motor, 0.0, 0.0, 0.0)
+    drive = ExpectedMotor(motor, 0.0, 0.0, 0.0, 0.0, 0.0, False, motor, 0.0, 0.0, 0.0)
     return BowdenState(observer, monitor, cable, drive)
 
 
@@ -268,4 +267,4 @@ def step(
     sane = command if abs(command) <= FURTHEST else state.drive.position
     seen = motor if valid else state.drive.place
     drive = update_drive(gains, state.drive, sane, shortfall, seen, cable.side, dt)
-    return BowdenState(observer, monitor, cable, drive), way * (command + drive.added)
+    return BowdenState(observer, monitor, cable, drive), way * (command + drive.fed_forward)
