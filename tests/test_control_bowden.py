@@ -98,9 +98,9 @@ def test_it_holds_from_250_hz_to_2_khz(sample_time: float, most_deg: float) -> N
 
 @pytest.mark.long
 def test_it_is_stable_on_rigs_that_nobody_chose() -> None:
-    runs = list(unseen.play([LAW], [draw("development", number) for number in range(100)]))
-    assert sum(not run.stable for run in runs) <= 1
-    assert np.median([run.rmse_deg for run in runs]) < 0.53
+    runs = list(unseen.play([LAW], [draw("development", number) for number in range(unseen.COUNTS["development"])]))
+    assert sum(not run.stable for run in runs) <= 3
+    assert np.median([run.rmse_deg for run in runs]) < 0.48
 
 
 def test_a_dead_zone_that_shrinks_is_noticed_by_the_jumps_that_go_too_far() -> None:
