@@ -146,7 +146,7 @@ def _loop(plant: Bench, references: Array, widths: Array, slopes: Array, normals
     settings = (LAW.gains, LAW.conditioning, TABLE.settings, dynamics.plant)
     arguments = (*settings, references, sheath, normals, 0.0, plant.sample_time)
     loop = compiled_loop(dynamics, LAW)
-    return lambda: loop(*arguments, plant.delay, record, states, 0.0, np.empty((2, 0)))
+    return lambda: loop(*arguments, plant.delay, record, states, 0.0, np.empty((2, 0)), np.inf)
 
 
 def _difference(trace: Trace, inputs: Array, block: Array) -> float:

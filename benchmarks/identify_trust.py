@@ -1,4 +1,4 @@
-"""Families found, trust given, and clocks of two files aligned, on logs drawn at random.
+"""Families found, trust given, clocks of two files aligned, and two moduli (c₁ ≠ c₂) found, on logs drawn at random.
 
 python benchmarks/identify_trust.py families development 0 40
 """
@@ -9,16 +9,21 @@ import tempfile
 import time as clock
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 from numpy.typing import NDArray
 
 import bowden
 from bowden.core.units import DEGREES, RADIANS
+from bowden.identify.cable import generalised
+from bowden.identify.cable.path import build_path
+from bowden.identify.cable.turns import find_turns
 from bowden.identify.log.align import aligned
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.generalised_play import Branches, joint_angle
+from bowden.records.metrics import rmse
 from kept import Kept
 
 Array = NDArray[np.float64]
@@ -197,10 +202,33 @@ def clock_row(set_name: str, number: int) -> tuple[int, str, float]:
     return number, family, 1e3 * (found - float(at[0] - shown[0]))
 
 
+def moduli_row(set_name: str, number: int) -> list[Any]:
+    """Errors on the second half, over that of the cable itself: of two straight branches, of free ones, of one line."""
+    random = np.random.default_rng([38, SETS[set_name], number])
+    time, motor = motion(random, float(random.uniform(20.0, 60.0)), float(random.choice([100.0, 200.0, 500.0])))
+    low, high = float(motor.min()), float(motor.max())
+    slope, offset = float(random.choice([-1.0, 1.0]) * random.uniform(0.6, 1.1)), float(random.uniform(-0.3, 0.3))
+    gap = abs(slope) * float(random.uniform(0.02, 0.12)) * (high - low)
+    opening = float(random.choice([-1.0, 1.0]) * random.uniform(0.2, 0.9))
+    gaps, one = gap * (1.0 + opening * np.linspace(-1.0, 1.0, NODES)), np.ones(1)
+    lag = float(random.uniform(-1.0, 1.0)) * gap
+    cable = Branches(slope, 0.0 * gaps, gaps, low, high, one, one, offset, 0.0)
+    seen, joint = read(random, motor), read(random, joint_angle(motor, lag, cable))
+    fit = bowden.identify(time, seen, joint)
+    own, play = fit.models["generalised_play"], fit.models["play"]
+    with mock.patch.object(generalised, "_straightened", return_value=None):
+        free = bowden.identify(time, seen, joint).models["generalised_play"]
+    path = build_path(time, seen, joint, find_turns(seen), len(time))
+    least = rmse((path.at(time, joint_angle(path.motor, lag, cable)) - joint)[fit.logs[0].split :])
+    change = 2.0 * gap * abs(opening) / (0.5 * (high - low)) / abs(slope)
+    errors = [round(one.test_rms / least, 3) for one in (own, free, play)]
+    return [number, round(change, 3), fit.best.name, "gap_4" not in own.parameters, *errors]
+
+
 def main() -> None:
     """The rows of a range of draws, and their count."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["families", "trust", "clocks"])
+    parser.add_argument("what", choices=["families", "trust", "clocks", "moduli"])
     parser.add_argument("set", choices=SETS)
     parser.add_argument("first", type=int)
     parser.add_argument("stop", type=int)
@@ -221,6 +249,12 @@ def main() -> None:
         print(
             *rows, f"median {np.median(off):.2f}, 95 % {np.quantile(off, 0.95):.2f}, most {max(off):.2f} ms", sep="\n"
         )
+        return
+    if given.what == "moduli":
+        rows = [moduli_row(given.set, number) for number in numbers]
+        print(*rows, f"straight branches in {sum(row[3] for row in rows)} of {len(rows)}", sep="\n")
+        for name, column in (("two lines", 4), ("free", 5), ("one line", 6)):
+            print(name, *(f"{part:.3f}" for part in np.quantile([row[column] for row in rows], (0.5, 0.95, 1.0))))
         return
     kept = Kept(f"trust-{given.set}-{given.first}")
     done = len(kept.rows()) // 2

@@ -27,8 +27,8 @@ from bowden.rig.settings import JointSensor
 from bowden.safety.evidence import DOUBT
 from bowden.safety.limits import Limits
 from bowden.sensing.joint_angle import JointModel, estimate_start, estimate_step
-from bowden.sim.many import Case, simulate_many
-from bowden.sim.run import simulate
+from bowden.sim.many import simulate_many
+from bowden.sim.run import Case, simulate
 from bowden.sim.suit_runs import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, knowing_drive, suit_ours
 from measure import Figure, Found
 from unseen_cells import DURATION, Cell, draw

@@ -25,7 +25,8 @@ from bowden.models.cable.sheath_path import constant_bend, random_bend
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.presets.bench import default_bench
 from bowden.plants.presets.suit import suit
-from bowden.sim.many import Case, simulate_many
+from bowden.sim.many import simulate_many
+from bowden.sim.run import Case
 from bowden.sim.suit_runs import DRIVE_INTEGRAL
 from kept import Kept
 from measure import table

@@ -25,7 +25,7 @@ from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.plants.cable_plant import Cable, CablePlant
 from bowden.plants.friction_cables import sliding
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.sim.many import Case
+from bowden.sim.run import Case
 from unseen_rig import OPERATORS, PUSHES, Worn, WornCable, WornRig, worn_cable
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from bowden.core.signals import DriveReading
 from bowden.cycle.one_cycle import Cycle, Filters
 from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
-from bowden.live import control_block, motor_columns, ring, row
+from bowden.live import control_block, ring, row, together
 from bowden.live.control_block import ControlBlock
 from bowden.live.ended import Ended
 from bowden.live.figures import Damage
@@ -101,7 +101,7 @@ class MotorsRig:
         table = PeriodicMinimumJerk(0.0, 1.0, 4.0).sample(np.arange(round(1000 * seconds)) * 1e-3)
         laws = laws or (law,) * len(names)
         own_place = neighbours or range(len(names))
-        columns = motor_columns.of_all(
+        columns = together.columns_of_all(
             {
                 name: row.columns(own, together=True, shared=own_place[place] != place)
                 for place, (name, own) in enumerate(zip(names, laws, strict=True))
@@ -161,7 +161,7 @@ class MotorsRig:
     def rows_of(self, values: Any) -> list[dict[str, float]]:
         found = []
         for name in self.names:
-            seen = motor_columns.view(self._columns, self.names, name)
+            seen = together.view(self._columns, self.names, name)
             found.append(dict(zip(seen.columns, values[list(seen.places)].tolist(), strict=True)))
         return found
 

@@ -160,18 +160,14 @@ def artefact(name: str) -> np.ndarray:
         np.arange(11000) / 1e3,
     )
     rest, contracts = time > 1.5, time > 8.5
-    if name == "step":
-        return values + 3.0 * rest
-    if name == "swing":
-        return values + 2.0 * np.sin(4.0 * np.pi * time) * (rest & (time < 3.0))
-    if name == "click":
-        return values + 5.0 * (rest & (time < 1.503))
-    if name == "click in a contraction":
-        return values + 5.0 * (contracts & (time < 8.503))
-    if name == "step in a contraction":
-        return values + 0.5 * contracts
-    assert name == "dead"
-    return np.where(rest & (time < 3.0), 0.0, values)
+    return {
+        "step": values + 3.0 * rest,
+        "swing": values + 2.0 * np.sin(4.0 * np.pi * time) * (rest & (time < 3.0)),
+        "click": values + 5.0 * (rest & (time < 1.503)),
+        "click in a contraction": values + 5.0 * (contracts & (time < 8.503)),
+        "step in a contraction": values + 0.5 * contracts,
+        "dead": np.where(rest & (time < 3.0), 0.0, values),
+    }[name]
 
 
 @pytest.mark.parametrize("name", ["step", "swing", "click", "dead", "click in a contraction", "step in a contraction"])
@@ -228,24 +224,19 @@ def test_rest_is_of_the_channel_of_the_contraction(capsys: pytest.CaptureFixture
 
 def bad(name: str) -> Path:
     values = signal()
-    if name == "nan":
-        values[1234] = np.nan
-    elif name == "flat":
-        values[:] = 0.25
-    elif name == "clipped":
-        values = np.clip(10.0 * values, -0.5, 0.5)
-    elif name == "huge":
-        values = 1e300 * values
-    elif name == "short":
-        values = values[:900]
-    elif name == "gap":
-        path = write("bad.csv", values)
+    changed = {
+        "nan": np.where(np.arange(8000) == 1234, np.nan, values),
+        "flat": np.full(8000, 0.25),
+        "clipped": np.clip(10.0 * values, -0.5, 0.5),
+        "huge": 1e300 * values,
+        "short": values[:900],
+    }.get(name, values)
+    head, rate = "x,emg_mV" if name == "no time" else "time_s,emg_mV", 100.0 if name == "slow" else 1000.0
+    path = write("bad.csv", changed, rate, head)
+    if name == "gap":
         lines = path.read_text().splitlines()
         path.write_text("\n".join(lines[:500] + lines[600:]))
-        return path
-    elif name == "no time":
-        return write("bad.csv", values, head="x,emg_mV")
-    return write("bad.csv", values, rate=100.0 if name == "slow" else 1000.0)
+    return path
 
 
 @pytest.mark.parametrize(

@@ -226,8 +226,8 @@ def test_a_source_that_cannot_be_used_is_told_before_anything_is_started(
     def never(*given: object, **named: object) -> None:
         raise AssertionError("something was started")
 
-    for name in ("Session", "own_twin"):
-        monkeypatch.setattr(f"bowden.live.session.{name}", never)
+    for name in ("session.Session", "twin_process.own_twin"):
+        monkeypatch.setattr(f"bowden.live.{name}", never)
     (tmp_path / "empty.csv").write_text("time_s,emg_mV\n")
     source = source.replace("file:", f"file:{tmp_path}/")
     code = run(["run", str(rig(tmp_path)), "--twin", "--auto", "--emg", source, "--out", str(tmp_path / "out")])

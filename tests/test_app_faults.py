@@ -20,7 +20,7 @@ from bowden.core.errors import OutputError
 from bowden.core.files import whole_file, whole_files
 from bowden.design import trial  # noqa: F401  # takes the loop by name, before a test puts another in its place
 from bowden.records.trace import Trace
-from bowden.sim import one_run
+from bowden.sim import rig_runs
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -195,7 +195,7 @@ def test_a_failure_of_the_system_that_nobody_foresaw_is_one_line(
     def gone(*_: Any, **__: Any) -> None:
         raise OSError(errno.EIO, "Input/output error", "disk")
 
-    monkeypatch.setattr(one_run, "simulate", gone)
+    monkeypatch.setattr(rig_runs, "simulate", gone)
     assert run(["simulate", "rig.toml"]) == 2
     assert one_line(capsys) == "bowden: Input/output error (disk); check the paths and the room on their disk\n"
 
@@ -204,7 +204,7 @@ def test_a_failure_of_the_system_that_nobody_foresaw_is_one_line(
 def test_an_interrupted_simulation_keeps_the_laws_that_are_done(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], done: int
 ) -> None:
-    simulate, calls = one_run.simulate, []
+    simulate, calls = rig_runs.simulate, []
 
     def interrupted_later(*arguments: Any, **settings: Any) -> Trace:
         calls.append(1)
@@ -212,7 +212,7 @@ def test_an_interrupted_simulation_keeps_the_laws_that_are_done(
             raise KeyboardInterrupt
         return simulate(*arguments, **settings)
 
-    monkeypatch.setattr(one_run, "simulate", interrupted_later)
+    monkeypatch.setattr(rig_runs, "simulate", interrupted_later)
     before = tree()
     assert run([*TWO_LAWS, "--law", "adaptive", "--out", "o"]) == 130
     if done == 0:

@@ -19,7 +19,8 @@ from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import TargetSource
 from bowden.live import twin_process
 from bowden.live.mcap_read import read
-from bowden.live.session import Session, own_twin
+from bowden.live.session import Session
+from bowden.live.twin_process import own_twin
 from bowden.operations.run import run as live
 from bowden.operations.schema import json_schema
 from bowden.rig.rig import Rig

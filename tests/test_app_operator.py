@@ -28,15 +28,15 @@ from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live import drive_memory, operator, stops
-from bowden.live.automatic import automatic
 from bowden.live.figures import Damage, EndedRun, Lateness, RunMotor, RunStop, TimedText
 from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Reason
 from bowden.live.ring import RecorderState
 from bowden.live.row import columns
 from bowden.live.screen import picture
-from bowden.live.session import PATIENCE, relax_twin_limits
+from bowden.live.session import automatic
 from bowden.live.stops import MotorFaults, split_root_causes
+from bowden.live.twin_process import PATIENCE, relax_twin_limits
 from bowden.models.drive.thermal import Thermal, cold
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of

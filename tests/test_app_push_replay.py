@@ -19,7 +19,7 @@ from bowden.design.felt import felt
 from bowden.live.events import Changes
 from bowden.live.figures import Damage
 from bowden.live.live_run import Live, live_run
-from bowden.live.log_replay import source_for
+from bowden.live.log_rig import source_for
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import Recording
 from bowden.live.row import columns, description

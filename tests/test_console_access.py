@@ -18,8 +18,8 @@ from websockets.exceptions import InvalidStatus
 
 from bowden.app.main import run
 from bowden.console.access import COOKIE, LARGEST_BODY, LARGEST_MESSAGE, POLICY, Bucket, Guard
-from bowden.console.connections import MOST_NEW, REQUEST_WITHIN
 from bowden.console.console import Console, Viewer
+from bowden.console.server import MOST_NEW, REQUEST_WITHIN
 from bowden.core.errors import SafetyError
 from bowden.rig.rig import Rig
 from console_client import RIG, STRANGE, Page, RunningConsole, half_open, running_console

@@ -1,7 +1,6 @@
 """Our law: what it reaches on the bench, and that plants, samples and wearers nobody tuned for do not throw it."""
 
 import dataclasses
-import math
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from bowden.control import LAWS
 from bowden.control.knowledge import informed
 from bowden.control.our_law.deadzone import WIDEST
 from bowden.control.our_law.law import UNKNOWN_LAG
-from bowden.control.our_law.oscillation import ALIKE, ENOUGH, WATCHED, watch
+from bowden.control.our_law.oscillation import ALIKE, ENOUGH, WATCHED
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import flat, names, unflatten_like
@@ -334,13 +333,6 @@ def test_a_reference_that_vibrates_carries_no_correction_away(number: int) -> No
     assert np.abs(run.error[1000:]).max() < 0.1 * width
 
 
-def test_the_steps_of_who_walks_are_no_load_that_swings() -> None:
-    """At 1.9 Hz through a dead zone: nothing on a cable swings that slowly."""
-    strokes = PeriodicMinimumJerk(0.0, 40.0 * RADIANS, 10.0).sample(np.arange(0.0, 20.0, 1e-3))
-    steps = 1.5 * RADIANS * np.sin(2.0 * np.pi * 1.9 * np.arange(0.0, 20.0, 1e-3))
-    assert played(strokes, slope=1.0, pushed=steps)["oscillation.load_time"][-1] == 0.0
-
-
 @pytest.mark.parametrize("damping", [0.1, 0.3])
 def test_an_arm_that_swings_on_the_cable_is_found_out_and_its_load_learned(damping: float) -> None:
     """Watching → trial → own: what nobody told it rings at first, and no more once the load is known."""
@@ -358,22 +350,6 @@ def test_a_known_load_that_swings_again_is_not_taken_for_the_wearers() -> None:
     run = played(strokes, slope=1.0, arm=(2.0 * np.pi * 2.6, 0.1))
     assert run["oscillation.load_time"][-1] == pytest.approx(1.0 / (2.0 * np.pi * 2.6), rel=0.3)
     assert rmse(run.error[8000:]) < 2.0 * RADIANS
-
-
-@kernel
-def trembled(now: Any, kappa: float, found: Any) -> None:
-    for k in range(len(found)):
-        now = watch(now, 0.02 * math.sin(2.0 * math.pi * 5.0 * k * 1e-3), 3e-3, kappa, 1e-3)
-        found[k, 0], found[k, 1] = now.bandwidth_share, now.load_time
-
-
-def test_a_tremor_at_the_frequency_of_a_known_load_does_not_take_the_correction_away() -> None:
-    """Each trial halved κ, 10⁻¹⁴ of it were left after a minute; what is left cannot swing a load of little damping."""
-    found, kappa = np.empty((60_000, 2)), 280.0
-    quiet = LAW.start(Sample(0.0, 0.0)).oscillation
-    compiled(trembled)(quiet._replace(load_time=0.1 / math.pi), kappa, found)
-    assert found[-1, 1] == pytest.approx(0.1 / math.pi, rel=0.1)
-    assert found[:, 0].min() > 0.09 * math.pi / (0.1 * kappa)
 
 
 def test_a_drive_that_sticks_does_not_wind_the_correction_up() -> None:

@@ -64,17 +64,6 @@ def test_a_touch_ends_it_and_the_width_stays_a_lower_end(gone: float) -> None:
     assert cable.width == pytest.approx(max(expected, 0.1), abs=0.002), "the other way is wider too, and not narrower"
 
 
-def test_where_the_joint_is_late_what_the_motor_went_meanwhile_is_no_width() -> None:
-    """And the other way, which was not measured, hardly grows."""
-    cable, _ = turned(0.1)
-    lag, rate = 0.09, -0.5
-    cable, _ = after_rows(cable, [(0.5, x, 0.45) for x in line(0.5, 0.3, 50)], lag, rate)
-    cable, _ = after_rows(cable, [(0.5 - x, 0.3 - x, 0.45 - x) for x in line(0.0, 0.004, 8)], lag, rate)
-    assert (cable.side, cable.crossing) == (-1.0, False)
-    assert cable.width_back == pytest.approx(0.1 + BELIEVED * (0.2 + lag * rate - 0.1), abs=0.002)
-    assert 0.1 < cable.width < 0.101
-
-
 def test_a_motor_that_sticks_within_the_dead_zone_keeps_nothing_from_the_joint() -> None:
     crossing, _ = turned(0.1)  # downward
     assert shortfall_at_joint(crossing, 0.08) == 0.0

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bowden.control.admittance.interaction import Chain, Doubt, InteractionState, interaction_start, interaction_step
 from bowden.core.kernel import compiled
-from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath import Sheath, slope_factor, width
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_map, spool_of
 
@@ -52,89 +54,58 @@ def test_without_friction_both_estimates_are_the_springs(motor: float, joint: fl
     assert state.torque == pytest.approx(truth, abs=1e-3 + 1e-3 * abs(truth))
 
 
-def test_flesh_damps_by_the_levers_of_the_taut_cables() -> None:
-    """What the padding gives way is no torque on the elbow: flesh·(arm² + radius²)·rate, of a cable that pulls."""
-    soft, rate = CHAIN._replace(flesh=300.0), 0.4
-    states = [interaction_start(chain, float(spool_of(0.8, MAP)), 0.5) for chain in (CHAIN, soft)]
-    joint = 0.5
-    for _ in range(500):
-        joint += rate * 1e-3
-        spool = float(spool_of(joint, MAP))
-        pair = zip((CHAIN, soft), states, strict=True)
-        states = [interaction_step(chain, Doubt(), state, spool, joint, 1.0, 1e-3) for chain, state in pair]
-    flexor, extensor = springs(spool, joint)
-    taut = [pull / (pull + 1.0) for pull in (flexor, extensor)]
-    damping = 300.0 * (taut[0] * float(flexor_arm(joint, MAP)) ** 2 + taut[1] * 0.05**2) * rate
-    assert damping > 0.1
-    for name in ("from_stretch", "from_current", "torque"):
-        assert getattr(states[0], name) - getattr(states[1], name) == pytest.approx(damping, rel=1e-3)
+ROUGH = CHAIN._replace(friction=2.3, loss=0.2, cable=7000.0, flesh=190.0, half_width=0.002, posture=0.3)
+ROUGH = ROUGH._replace(sheath=Sheath(bend=3.0, gap=1.3, loss=0.16))
+angles, lengths = st.floats(0.0, 2.0), st.floats(-0.01, 0.02)
 
 
-@pytest.mark.parametrize(("motor", "joint"), [(0.8, 0.7), (0.5, 0.7), (0.1, 0.4)])
-def test_the_doubt_of_the_stretch_is_what_the_doubt_of_the_angle_comes_to_at_the_elbow(
-    motor: float, joint: float
+@given(angles, angles, lengths, lengths, st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-20.0, 20.0))
+def test_a_step_is_the_balance_of_springs_play_and_drive_and_each_estimate_counts_by_its_doubt(
+    spool: float, joint: float, flexor: float, extensor: float, turned: float, rate: float, current: float
 ) -> None:
-    """The springs' torque at an angle that is off by the doubt; of the friction so little is known that it is alone."""
-    angle, spool = 1e-3, float(spool_of(motor, MAP))
-    alone = Doubt(angle=angle, stiffness=0.0, play=0.0, friction=1e6)
-    state = interaction_start(CHAIN, spool, joint)
-    for _ in range(3):
-        state = interaction_step(CHAIN._replace(friction=1.0), alone, state, spool, joint, 0.0, 1e-3)
-    (up, over), (down, under) = springs(spool, joint + angle), springs(spool, joint - angle)
-    stiffness = (up - down) * float(flexor_arm(joint, MAP)) - (over - under) * 0.05
-    assert state.doubt == pytest.approx(0.5 * abs(stiffness), rel=0.1)
+    """In a sheath that the elbow bends, from any state: the equations of the module's text."""
+    k, fabric, dt, doubt = ROUGH.cable, ROUGH.fabric, 1e-3, Doubt()
+    begun = interaction_start(ROUGH, spool - 0.02 * turned, joint - 1e-3 * rate)
+    begun = begun._replace(spool_rate=turned, joint_rate=0.5, current=3.0, flexor_node=flexor, extensor_node=extensor)
+    after = interaction_step(ROUGH, doubt, begun, spool, joint, current, dt)
+    for name, now in (("spool_rate", 20.0 * turned), ("joint_rate", rate), ("current", current)):
+        went, smooth = getattr(after, name) - getattr(begun, name), getattr(after, name)
+        assert went / dt == pytest.approx((now - smooth) / doubt.smoothing, abs=1e-6)
+
+    bend = ROUGH.sheath.bend + ROUGH.posture * joint
+    slope, rubs = slope_factor(bend, ROUGH.sheath), k * ROUGH.half_width * width(bend, ROUGH.sheath)
+    levers, radii = (float(flexor_arm(joint, MAP)), -0.05), (slope * 0.025, -slope * RADIUS)
+    ends, motors, arms = (float(flexor_travel(joint, MAP)), -0.05 * joint), [], []
+    for node, before, end, radius in zip(after[5:7], (flexor, extensor), ends, radii, strict=True):
+        motors.append(k * max(0.0, radius * spool + ROUGH.start - node))
+        arms.append(fabric * max(0.0, node - end))
+        assert abs(motors[-1] - arms[-1]) <= rubs * (1.0 + 1e-9)
+        if abs(node - before) > 1e-12:  # it goes no further than it must
+            assert (motors[-1] - arms[-1]) * np.sign(node - before) == pytest.approx(rubs)
+
+    taut = [arm / (arm + 1.0) for arm in arms]
+    square, alone = np.dot(taut, np.square(levers)), np.dot(taut, np.abs(levers))
+    damping = ROUGH.flesh * square * after.joint_rate
+    assert after.from_stretch == pytest.approx(np.dot(levers, arms) - damping)
+    driven, direction = ROUGH.torque_constant * after.current, np.tanh(after.spool_rate / doubt.turning)
+    load = driven - direction * (ROUGH.friction + ROUGH.loss * abs(driven))
+    flexor_pull = (load - radii[1] * motors[1]) / radii[0] - (motors[0] - arms[0])
+    assert after.from_current == pytest.approx(levers[0] * max(0.0, flexor_pull) + levers[1] * arms[1] - damping)
+    soft = k * fabric / (k + fabric)
+    doubts = [soft * square * doubt.angle + doubt.stiffness * abs(after.from_stretch + damping)]
+    doubts[0] += doubt.play * soft * rubs / k * alone
+    doubts.append(levers[0] / radii[0] * ROUGH.friction * np.hypot(doubt.friction, np.sqrt((1 - direction**2) / 3.0)))
+    weights = 1.0 / (np.array(doubts) + 1e-6) ** 2
+    assert after.torque == pytest.approx(np.average([after.from_stretch, after.from_current], weights=weights))
+    assert after.doubt == pytest.approx(weights.sum() ** -0.5)
 
 
-def test_play_is_taken_from_the_side_from_which_the_motor_came() -> None:
-    rough = CHAIN._replace(half_width=0.002)
-    joint, ends = 0.7, []
-    for way in (1.0, -1.0):
-        state = interaction_start(rough, float(spool_of(joint, MAP)) - 0.6 * way, joint)
-        for step in np.linspace(-0.6 * way, 0.0, 500):
-            state = interaction_step(rough, Doubt(), state, float(spool_of(joint, MAP)) + step, joint, 0.0, 1e-3)
-        ends.append(state.from_stretch)
-    # each cable's arm side lags by k·r/2 of its spring: 8 N, at the levers of both
-    lost = 0.5 * 8000.0 * 0.002 * (float(flexor_arm(joint, MAP)) + 0.05)
-    assert ends[1] - ends[0] == pytest.approx(2.0 * lost, rel=1e-6)
-
-
-def test_the_sheath_that_the_elbow_bends_takes_motion_away() -> None:
-    """With a loss of 16 % and 0.3 rad of bend a radian, the springs are stretched by 0.984 of the travel at 1.0 rad."""
-    sheath, joint = Sheath(loss=0.16), 1.0
-    bent = CHAIN._replace(sheath=sheath, posture=0.3)
-    slope = 1.0 - 0.16 * 0.3 * joint / np.pi
-    spool = float(spool_of(1.2, MAP))
-    flexor, extensor = springs(slope * spool, joint)
-    truth = flexor * float(flexor_arm(joint, MAP)) - extensor * 0.05
-    current = slope * (0.025 * flexor - RADIUS * extensor) / CHAIN.torque_constant
-    state = settled(bent, spool, joint, current)
-    assert state.from_stretch == pytest.approx(truth, abs=1e-9)
-    assert state.from_current == pytest.approx(truth, abs=1e-3)
-
-
-def test_a_motor_that_stands_still_leaves_the_current_in_doubt() -> None:
-    rubbing = CHAIN._replace(friction=2.3, loss=0.2)
-    still = settled(rubbing, 1.5, 0.7, 3.0)
-    moving = still
-    for k in range(300):
-        moving = interaction_step(rubbing, Doubt(), moving, 1.5 + 1e-3 * k, 0.7, 3.0, 1e-3)
-    heard = [(s.torque - s.from_stretch) / (s.from_current - s.from_stretch) for s in (still, moving)]
-    assert 0.0 < heard[0] < 0.05  # its weight in the mean
-    assert heard[1] > 3.0 * heard[0]
-
-
-def test_friction_is_taken_off_against_the_motion() -> None:
-    rubbing = CHAIN._replace(friction=2.0)
-    found = []
-    for way in (1.0, -1.0):
-        state = interaction_start(rubbing, 1.5, 0.7)
-        for k in range(300):
-            state = interaction_step(rubbing, Doubt(), state, 1.5 + way * 1e-4 * k, 0.7, 2.0, 1e-3)
-        found.append(state)
-    lever = float(flexor_arm(0.7, MAP))
-    expected = 2.0 * 2.0 * lever / 0.025  # twice the friction, at the elbow
-    moved = found[0].from_stretch - found[1].from_stretch  # the extensor that is taken from the model moves too
-    assert found[1].from_current - found[0].from_current == pytest.approx(expected, rel=0.1, abs=2.0 * abs(moved))
+def test_it_begins_in_the_middle_of_the_play_where_both_springs_pull_alike() -> None:
+    begun = interaction_start(ROUGH, 1.5, 0.7)
+    slope = slope_factor(ROUGH.sheath.bend + ROUGH.posture * 0.7, ROUGH.sheath)
+    for node, radius, end in zip(begun[5:7], (0.025, -RADIUS), (flexor_travel(0.7, MAP), -0.05 * 0.7), strict=True):
+        pull = ROUGH.fabric * (node - end)
+        assert pull == pytest.approx(ROUGH.cable * (slope * radius * 1.5 + ROUGH.start - node))
 
 
 def test_a_reading_that_is_no_number_is_no_torque_and_is_forgotten() -> None:

@@ -15,12 +15,12 @@ from typer.main import get_command
 from bowden.app import main
 from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge, configured, informed
-from bowden.control.law_parts import half_width, lag
+from bowden.control.law_parts import contact_bandwidth, half_width, lag
 from bowden.core.errors import BowdenError, ParameterError, UnknownNameError
 from bowden.core.signals import Reference, Sample
 from bowden.export import modules as exported
 from bowden.live.live_run import live_run
-from bowden.live.log_replay import law_of
+from bowden.live.log_rig import law_of
 from bowden.live.mcap_read import Recording
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.encoder import Encoder
@@ -125,6 +125,18 @@ def test_every_command_gives_every_law_the_same_gains(
         assert set(gains) == {"simulate", "check", "tune", "export", "run", "campaign", "replay"}
         expected = configured(LAWS[name], rig_of.knowledge).gains
         assert gains == {command: [expected] * len(found) for command, found in gains.items()}, name
+
+
+def test_an_observer_is_as_quick_as_servo_delay_and_noise_let_it() -> None:
+    """q is 3.55·ω, 1.5/τ, or lets 0.1° of the encoders' noise into the command, σ·(q/ω)²·√(q·Ts): the least of them."""
+    slow, late = Knowledge(servo_frequency=10.0, delay=1e-3), Knowledge(servo_frequency=1e3, delay=0.05)
+    assert contact_bandwidth(slow) / 10.0 == contact_bandwidth(slow._replace(delay=0.0)) / 10.0 == 190.0 / 53.58
+    assert contact_bandwidth(late) * 0.05 == 1.5
+    noisy = Knowledge(60.0, 1.0, 1.5e-3, 1e-3, joint_step=0.01, joint_noise=0.02, motor_step=0.03, motor_noise=0.04)
+    q, noise = contact_bandwidth(noisy), math.hypot(0.02, 0.04, 0.01 / math.sqrt(12.0), 0.03 / math.sqrt(12.0))
+    assert noise * (q / 60.0) ** 2 * math.sqrt(q * 1e-3) == pytest.approx(math.radians(0.1))
+    for unknown in (noisy._replace(servo_frequency=math.nan), noisy._replace(delay=math.nan)):
+        assert math.isnan(contact_bandwidth(unknown))
 
 
 def test_what_a_bench_knows() -> None:

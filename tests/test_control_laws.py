@@ -3,7 +3,7 @@
 import json
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
@@ -102,6 +102,24 @@ def test_unknown_gains_and_presets_are_refused(name: str) -> None:
         LAWS[name].with_gains(kapa=1.0)
     with pytest.raises(ParameterError, match=f"law '{name}' has no preset"):
         LAWS[name].preset("best")
+
+
+class Part(NamedTuple):
+    first: float = 1.0
+    second: float = 2.0
+
+
+class Whole(NamedTuple):
+    slope: float = 1.0
+    part: Part = Part()
+
+
+def test_a_gain_of_a_nested_part_is_changed_by_its_dotted_name() -> None:
+    law = replace(LAWS["uncompensated"], gains=Whole(), from_rig={})
+    assert law.with_gains(**{"part.second": 3.0}).gains == Whole(1.0, Part(1.0, 3.0))
+    assert law.with_gains(**{"slope": 0.5, "part.first": 4.0}).gains == Whole(0.5, Part(4.0, 2.0))
+    with pytest.raises(ParameterError, match=r"no gain 'part\.third'"):
+        law.with_gains(**{"part.third": 3.0})
 
 
 @given(numbers, numbers, numbers, numbers)

@@ -63,6 +63,7 @@ TOY = DriveFamily(
     completed=toy_completed,
     open=toy_open,
     twin=toy_twin,
+    node=lambda: SimulatedDrive,
     moved=lambda given, channel, interface: given._replace(string=channel or given.string),
     address=lambda given: {"string": given.string},
     control=lambda given: Path(f"toy-{given.string}"),

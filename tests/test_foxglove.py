@@ -16,7 +16,7 @@ from bowden.control import LAWS
 from bowden.core.errors import ParameterError
 from bowden.live import foxglove_process, ring
 from bowden.live.foxglove_process import served
-from bowden.live.mcap_layout import Packing, topics
+from bowden.live.mcap_log import Packing, topics
 from bowden.live.ring import RingWriter
 from bowden.live.row import AT, columns, description
 from support.own_loop import in_a_thread

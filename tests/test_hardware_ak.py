@@ -1,6 +1,8 @@
 """A CubeMars AK drive in MIT mode against its twin at a time of our own: frames, bring-up, power, faults, bad input."""
 
 import math
+import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 from bowden.core.errors import DriveError, ParameterError, SafetyError
 from bowden.core.signals import DriveReading
 from bowden.hardware.buses.place import EXTENDED
+from bowden.hardware.buses.unix_bus import UnixBus
 from bowden.hardware.drives import ak_drive
 from bowden.hardware.drives.ak_frames import (
     ENTER,
@@ -36,6 +39,7 @@ from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
 from bowden.rig.rig import Rig
 from support.memory_bus import DriverLoop, asking
+from support.played import Played
 
 CYCLE = 1e-3
 DRIVE = AkParameters(answer_timeout=0.2)
@@ -298,3 +302,23 @@ def test_a_limb_is_refused_where_nobody_can_see_the_timeout(tmp_path: Any) -> No
     with pytest.raises(SafetyError, match="a suit means a limb"):  # of another axis
         require_watch(given_rig(tmp_path, f"{bus}no_limb = true\n"), [suit])
     assert unseen_watch(Rig()) == ""
+
+
+def test_a_master_of_another_lab_moves_an_ak(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reason = "motor-python, an AK master of another lab, is not installed (pip install motor-python)"
+    motors = pytest.importorskip("motor_python.cube_mars_motor_can", reason=reason)
+    ak80_6 = asking(DRIVE._replace(model="AK80-6", node_id=3, stiffness=20.0, damping=1.0, watchdog=0.1), gear=6.0)
+    with Played(ak80_6, tmp_path / "bus") as twin:
+        monkeypatch.setattr(motors.can.interface, "Bus", lambda **_: UnixBus(twin.channel))  # unmodified but for this
+        monkeypatch.setattr(motors, "get_can_state", lambda _: {"state": "ERROR-ACTIVE", "tx_err": 0, "rx_err": 0})
+        motor = motors.CubeMarsAK806v2CAN(motor_can_id=3)
+        try:
+            motor.enable_mit_mode()
+            motor.set_position(20.0)
+            time.sleep(1.0)
+            moved, feedback = twin.plant.motor, motor.get_status()
+            motor.stop()
+        finally:
+            motor.close()
+    assert moved == pytest.approx(0.35, abs=0.06)
+    assert feedback is not None

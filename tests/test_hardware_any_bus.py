@@ -1,7 +1,6 @@
 """Any bus of python-can will do: drive and twin on its `virtual` one, and every interface fails in one line."""
 
 import tempfile
-import threading
 import time
 from collections.abc import Iterator
 
@@ -13,14 +12,11 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.opening import open_bus
 from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.families import cia402
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
-from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.control import TwinControl
 from bowden.hardware.twin.twin import Twin
-from bowden.models.cable.sheath_path import constant_bend
-from bowden.plants.presets.bench import bench
+from support.played import Played
 
 DRIVE = DriveParameters(interface="virtual", channel="any-bus", bitrate=500_000)
 
@@ -29,20 +25,8 @@ DRIVE = DriveParameters(interface="virtual", channel="any-bus", bitrate=500_000)
 def twin(monkeypatch: pytest.MonkeyPatch) -> Iterator[Twin]:
     with tempfile.TemporaryDirectory() as short:  # a socket's name may have some 100 characters
         monkeypatch.setenv("XDG_RUNTIME_DIR", short)
-        yield from running_twin()
-
-
-def running_twin() -> Iterator[Twin]:
-    rig = bench()
-    behind = TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, time.monotonic())
-    running = cia402.FAMILY.twin(DRIVE, behind, time.monotonic, ())
-    assert isinstance(running, Twin)
-    thread = threading.Thread(target=running.run)
-    thread.start()
-    yield running
-    running.stop()
-    thread.join(10.0)
-    assert not thread.is_alive()
+        with Played(DRIVE) as played:
+            yield played.twin
 
 
 @pytest.mark.live

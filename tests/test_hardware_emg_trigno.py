@@ -6,7 +6,7 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -16,13 +16,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError, StreamError
-from bowden.hardware.emg import trigno_dialogue, trigno_protocol
+from bowden.hardware.emg import trigno_protocol
 from bowden.hardware.emg.sources import open_source
 from bowden.hardware.emg.trigno import TrignoStream
 from bowden.hardware.emg.trigno_dialogue import Address
 from bowden.hardware.emg.trigno_protocol import (
     EMG_PORT,
-    GREETING,
     LEGACY_EMG_PORT,
     Lines,
     Samples,
@@ -253,9 +252,7 @@ def test_single_values_that_no_electrode_gives_are_missing_samples(
     ("fault", "said"),
     [
         ("garbage=greeting", "which is no text; expected a Trigno SDK server"),
-        ("refuse=START", "answers START with 'CANNOT COMPLETE'; expected 'OK'"),
         ("refuse=EMG", "no EMG port [0-9]+ at 127.0.0.1: Connection refused; start the Trigno Control Utility"),
-        ("refuse=sensors", "has no sensor with EMG; pair one"),
     ],
 )
 def test_a_server_that_cannot_be_used_is_one_line(fault: str, said: str) -> None:
@@ -304,98 +301,7 @@ def test_channels_and_rates_that_are_not_there_are_one_line() -> None:
         TrignoServer(counter(1.0, 17), RATE)
 
 
-@pytest.mark.parametrize(
-    ("sent", "said"),
-    [
-        (
-            b"SSH-2.0-OpenSSH_9.2\r\n",
-            "answers the connection with 'SSH-2.0-OpenSSH_9.2'; expected Delsys Trigno System",
-        ),
-        (b"", "gives no answer in 0.3 s; expected a Trigno SDK server"),
-        (b"Delsys Trigno System Digital Protocol Version 3.6.0\r\n\r\nSTOPPED\r\n\r\n", "gives no answer in 0.3 s"),
-    ],
-)
-def test_another_kind_of_server_is_one_line(sent: bytes, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trigno_dialogue, "_ANSWER", 0.3)
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-
-        def greet() -> None:
-            one, _ = listener.accept()
-            with one:
-                one.sendall(sent)
-                time.sleep(1.0)
-
-        thread = threading.Thread(target=greet)
-        thread.start()
-        with pytest.raises(StreamError, match=said):
-            TrignoStream(Address("127.0.0.1", port, port)).open()
-        thread.join()
-
-
-@contextlib.contextmanager
-def talking(say: Callable[[socket.socket], None]) -> Iterator[int]:
-    """The port of a server that does `say` with the one client that it takes, until that is gone."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-
-        def serve() -> None:
-            one, _ = listener.accept()
-            with one, contextlib.suppress(OSError):
-                say(one)
-
-        thread = threading.Thread(target=serve)
-        thread.start()
-        yield listener.getsockname()[1]
-        thread.join()
-
-
-def blank_lines(one: socket.socket) -> None:
-    while True:
-        one.sendall(b"\r\n\r\n" * 100)
-
-
-def drips(one: socket.socket) -> None:
-    while True:
-        one.sendall(b"D")
-        time.sleep(0.02)
-
-
-def stops_again_and_again(one: socket.socket) -> None:
-    while True:
-        one.sendall(b"STOPPED\r\n\r\n")
-        time.sleep(0.001)
-
-
-@pytest.mark.parametrize("say", [blank_lines, drips, stops_again_and_again])
-def test_a_server_that_talks_and_never_answers_is_given_up_in_the_time_of_one_answer(
-    say: Callable[[socket.socket], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(trigno_dialogue, "_ANSWER", 0.3)
-    with talking(say) as port, pytest.raises(StreamError, match=r"gives no answer in 0\.3 s"):
-        TrignoStream(Address("127.0.0.1", port, port)).open()
-
-
-def test_a_server_that_takes_its_time_with_every_answer_is_given_up_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trigno_dialogue, "_TALK", 0.3)
-
-    def slow(one: socket.socket) -> None:
-        one.sendall(b"Delsys Trigno System Digital Protocol Version 3.6.0\r\n\r\n")
-        while one.recv(4096):
-            time.sleep(0.05)
-            one.sendall(b"OK\r\n\r\n")
-
-    with talking(slow) as port, pytest.raises(StreamError, match=r"does not answer all questions in 0\.3 s"):
-        TrignoStream(Address("127.0.0.1", port, port)).open()
-
-
 def test_a_recording_becomes_whole_frames_in_volts() -> None:
     frames = frames_of(np.full((60, 2), 3.0), 27)
     assert [len(frame) for frame in frames] == [27 * 64] * 2
     assert np.frombuffer(frames[0], "<f4").reshape(-1, 16)[5, :3] == pytest.approx([3e-3, 3e-3, 0.0])
-
-
-def test_a_greeting_puts_nothing_but_text_on_the_screen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bowden.hardware.emg.trigno_protocol.GREETING", f"{GREETING} \x1b[2J")
-    with serving(counter()) as address, pytest.raises(StreamError, match="which is no text") as refused:
-        TrignoStream(address).open()
-    assert str(refused.value).isprintable()

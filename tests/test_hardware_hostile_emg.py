@@ -270,6 +270,8 @@ SERVERS: dict[str, Row] = {
     "a greeting of orders": Row(server(greeting=lambda: b"\x1b[2J\r\n"), refused="which is no text"),
     "a greeting without end": Row(server(greeting=lambda: 4096 * b"D"), refused="which is no text"),
     "blank lines without end": Row(server(greeting=lambda: 100 * b"\r\n"), refused="gives no answer"),
+    "that it has stopped without end": Row(server(greeting=lambda: 100 * b"STOPPED\r\n"), refused="gives no answer"),
+    "another program": Row(server(greeting=lambda: b"SSH-2.0\r\n"), refused="with 'SSH-2.0'; expected Delsys Trigno"),
     "an empty greeting": Row(server(greeting=lambda: b""), refused="gives no answer"),
     "drips": Row(server(between=0.35), refused="gives no answer"),
     "answers slowly": Row(server(between=0.1), refused="does not answer all questions"),
@@ -334,8 +336,10 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     "names",
     [
-        "does no harm, a greeting of orders, a denormal frame, a place that is no number, half the rate, half samples, "
-        "denormal values, on the rails, drops them again and again, comes back as another",
+        "does no harm, a greeting of orders, another program, an empty greeting, blank lines without end, drips, "
+        "that it has stopped without end, answers slowly, never starts, nobody there, a denormal frame, half the rate, "
+        "a place that is no number, half samples, denormal values, on the rails, drops them again and again, comes "
+        "back as another",
         *(pytest.param(", ".join(list(SERVERS)[k::3]), marks=pytest.mark.long) for k in range(3)),
     ],
     ids=["some", *(f"all {k}" for k in range(3))],

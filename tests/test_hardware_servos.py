@@ -22,11 +22,10 @@ from bowden.hardware.drives.findings import JOINT_SERVO
 from bowden.hardware.drives.on_can import require
 from bowden.hardware.drives.servo_table import ServoRegister, cycle_time
 from bowden.hardware.ports import Power
-from bowden.hardware.twin.servo_node import ServoNode
 from bowden.live.by_hand import require_watch
 from bowden.rig.rig import Rig
-from support.lines import Line
 from support.memory_bus import DriverLoop, MemoryBus, asking, bench_at
+from support.played import Played
 
 FEETECH_DRIVE = FeetechParameters(motor_home=-90.0 * RADIANS)
 DRIVE = asking(DynamixelParameters(motor_home=-90.0 * RADIANS), lowest_motor=-0.3, highest_motor=2.0, current_limit=2.0)
@@ -122,7 +121,7 @@ def test_a_servo_on_the_joint_that_does_more_than_measure_ends_the_run(drive: An
 
 def test_two_servos_of_one_number_are_refused() -> None:
     loop = DriverLoop(DRIVE)
-    loop.attach(ServoNode(DRIVE, bench_at(loop.time), loop.put, loop.note))
+    loop.attach(FAMILY.node()(DRIVE, bench_at(loop.time), loop.put, loop.note))
     with pytest.raises(DriveError, match="2 servos answer as 1"):
         loop.drive.bring_up()
 
@@ -153,7 +152,7 @@ def test_two_motors_on_a_line_share_one_write_and_one_question() -> None:
     bus = MemoryBus()
     drives = [DRIVE, DRIVE._replace(node_id=3, joint="none")]
     for drive in drives:
-        bus.attach(ServoNode(drive, bench_at(bus.time), bus.put, bus.note))
+        bus.attach(FAMILY.node()(drive, bench_at(bus.time), bus.put, bus.note))
     links = Links(bus)
     both = [FAMILY.open(drive, links) for drive in drives]
     for one in both:
@@ -195,14 +194,14 @@ def insisted(call: Any, *arguments: Any) -> Any:
 
 
 def test_robotis_library_moves_the_twin_over_a_line(sdk: Any, tmp_path: Any) -> None:
-    with Line(DRIVE, str(tmp_path)) as line:
+    with Played(DRIVE, tmp_path):
         port, packets = sdk.PortHandler(port_of(str(tmp_path))), sdk.PacketHandler(2.0)
         assert port.setBaudRate(DRIVE.bitrate)
         assert insisted(packets.ping, port, 1)[0] == 1020
         here = insisted(packets.read4ByteTxRx, port, 1, 132)[0]
         insisted(packets.write4ByteTxRx, port, 1, 116, here + 200)
         insisted(packets.write1ByteTxRx, port, 1, 64, 1)
-        line.wait(0.5)
+        time.sleep(0.5)
         assert abs(insisted(packets.read4ByteTxRx, port, 1, 132)[0] - here - 200) < 20
         group = sdk.GroupSyncRead(port, packets, 132, 4)
         for number in (1, 2):
@@ -213,7 +212,7 @@ def test_robotis_library_moves_the_twin_over_a_line(sdk: Any, tmp_path: Any) -> 
 
 
 def test_a_host_at_another_bit_rate_hears_nothing(tmp_path: Any) -> None:
-    with Line(DRIVE, str(tmp_path)):
+    with Played(DRIVE, tmp_path):
         bus = SerialBus(port_of(str(tmp_path)), 115200, "dynamixel")
         bus.put(1, b"\x01")
         assert bus.recv(0.1) is None
@@ -247,7 +246,7 @@ def test_a_feetech_servo_is_for_no_limb() -> None:
 
 
 def test_a_raw_sync_read_on_the_line_is_answered_in_its_order(tmp_path: Any) -> None:
-    with Line(FEETECH_DRIVE, str(tmp_path)):
+    with Played(FEETECH_DRIVE, tmp_path):
         bus = SerialBus(port_of(str(tmp_path)), 1_000_000, "feetech")
         bus.put(254, FEETECH.sync_read(56, 2) + bytes((2, 1)))
         answers = [bus.recv(1.0) for _ in range(2)]

@@ -49,28 +49,32 @@ STEPS = st.tuples(st.integers(1, 120), st.sampled_from((0.0, 0.5, math.nan)), st
 
 
 @given(st.lists(STEPS, max_size=12))
-def test_the_target_that_is_sent_stands_while_the_shaft_is_not_free_and_never_leaps(
+def test_the_brake_engages_after_a_rest_and_what_is_sent_stands_until_the_shaft_is_free_again(
     course: list[tuple[int, float, bool, bool]],
 ) -> None:
     """Whatever is asked, and however long: each phase lasts its delay, and who may not hold is let go of at once."""
-    state, target, since = brake_begin(0.0), 0.0, 0
+    dt = 2.0**-10  # sums are exact
+    brake = HoldingBrake(0.15, engage_delay=10 * dt, release_delay=40 * dt, rest_time=48 * dt)
+    state, target, lasted, at = brake_begin(0.0), 0.0, 0.0, (0.0, 0.0)  # at rest there, of target and motor
     for cycles, motor, moves, may_hold in course:
         for _ in range(cycles):
-            target += SPEED * DT * moves
-            after = brake_step(BRAKE, state, target, motor, may_hold, SPEED, DT)
-            since = since + 1 if after.phase == state.phase else 0
-            assert abs(after.sent - state.sent) <= SPEED * DT + 1e-12
-            if state.phase != FREE:
-                assert after.sent == state.sent
-            if state.phase in (ENGAGING, HELD) and not may_hold:
-                assert after.phase == RELEASING
-            if after.phase == HELD and state.phase != HELD:
-                assert state.phase == ENGAGING
-            if after.phase == FREE and state.phase != FREE:
-                assert state.phase == RELEASING
-                assert state.since + DT >= BRAKE.release_delay
-            if math.isnan(motor):
-                assert after.phase not in (ENGAGING, HELD)
+            target += SPEED * dt * moves
+            after, lasted = brake_step(brake, state, target, motor, may_hold, SPEED, dt), lasted + dt
+            rests = all(abs(one - then) <= brake.still for one, then in zip((target, motor), at, strict=True))
+            leaves, following = {
+                FREE: (rests and may_hold and lasted >= brake.rest_time and after.sent == target, ENGAGING),
+                ENGAGING: (not (rests and may_hold) or lasted >= brake.engage_delay, HELD),
+                HELD: (not (rests and may_hold), RELEASING),
+                RELEASING: (lasted >= brake.release_delay, FREE),
+            }[state.phase]
+            following = RELEASING if state.phase == ENGAGING and not (rests and may_hold) else following
+            assert after.phase == (following if leaves else state.phase)
+            way = max(-SPEED * dt, min(SPEED * dt, target - state.sent)) if state.phase == FREE else 0.0
+            assert after.sent == pytest.approx(state.sent + way, abs=1e-12)
+            if after.phase != state.phase or (state.phase == FREE and not (rests and may_hold)):
+                lasted = 0.0
+            if lasted == 0.0 and after.phase in (FREE, RELEASING):
+                at = target, motor
             state = after
 
 

@@ -15,8 +15,7 @@ import pytest
 import bowden
 from bowden.app.main import run
 from bowden.core.errors import OutputError
-from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.model_text import model_text
+from bowden.identify.cable.fit import Fit, model_text
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.operations.identify import identify as operation

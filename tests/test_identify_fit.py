@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import bowden
-from bowden.core.errors import LogError, ParameterError
+from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.units import DEGREES
 from bowden.identify.cable import settling as settling_module
 from bowden.identify.cable.family import Estimate
@@ -139,29 +139,26 @@ def test_a_cable_that_runs_backwards_is_the_same_cable(known: Fit) -> None:
         assert fitted.test_rms == pytest.approx(known.models[name].test_rms, rel=1e-3)
 
 
-def test_a_play_is_recognised_as_one() -> None:
-    z = plays(np.concatenate([[MOTOR[0] + 0.02], MOTOR]), np.array([0.06]))[1:, 0]
-    fit = bowden.identify(TIME, MOTOR + noise(1), -0.9 * z + 0.2 + noise(2))
-    assert fit.best.name == "play"
-    for name, value in {"slope": -0.9, "half_width": 0.06, "offset": 0.2, "initial_lag": 0.02}.items():
-        fitted = fit.models["play"]
-        assert abs(fitted.parameters[name] - value) < 3.0 * fitted.uncertainty[name]
+SLOTS = plays(MOTOR, np.array([0.01, 0.04, 0.12]))
+FROM_BESIDE = plays(np.concatenate([[MOTOR[0] + 0.02], MOTOR]), np.array([0.06]))[1:, 0]
+PLAY = {"slope": -0.9, "half_width": 0.06, "offset": 0.2, "initial_lag": 0.02}
 
 
-def test_a_stack_is_recognised_as_one() -> None:
-    widths = np.array([0.01, 0.04, 0.12])
-    slots = plays(MOTOR, widths)
-    fit = bowden.identify(TIME, MOTOR + noise(1), 0.4 * MOTOR + slots @ np.array([0.2, 0.2, 0.1]) + noise(2))
-    assert fit.best.name == "prandtl_ishlinskii"
-    assert fit.models[fit.best.name].test_rms * DEGREES < 0.03
-
-
-def test_a_bent_cable_needs_the_static_nonlinearity() -> None:
-    u = MOTOR / np.max(np.abs(MOTOR))
-    fit = bowden.identify(TIME, MOTOR + noise(1), cable(MOTOR) + 0.02 * u**3 + noise(2))
-    assert fit.best.name == "bouc_wen_static"
-    assert fit.models[fit.best.name].test_rms < 0.3 * fit.models["bouc_wen"].test_rms
-    assert fit.models[fit.best.name].test_rms * DEGREES < 0.015
+@pytest.mark.parametrize(
+    ("name", "joint", "true"),
+    [
+        ("line", -0.9 * MOTOR + 0.3, {"slope": -0.9, "offset": 0.3}),
+        ("play", -0.9 * FROM_BESIDE + 0.2, PLAY),
+        ("prandtl_ishlinskii", 0.4 * MOTOR + SLOTS @ np.array([0.2, 0.2, 0.1]), {}),
+        ("bouc_wen_static", cable(MOTOR) + 0.02 * (MOTOR / np.max(np.abs(MOTOR))) ** 3, {}),
+    ],
+)
+def test_a_cable_of_each_family_is_recognised(name: str, joint: Array, true: dict[str, float]) -> None:
+    fit = bowden.identify(TIME, MOTOR + noise(1), joint + noise(2))
+    assert fit.best.name == name
+    assert fit.chosen.test_rms * DEGREES < (0.03 if name == "prandtl_ishlinskii" else 0.015)
+    for key, value in true.items():
+        assert abs(fit.chosen.parameters[key] - value) < 3.0 * fit.chosen.uncertainty[key]
 
 
 def test_a_finely_bent_loop_needs_free_branches_and_is_no_worse_outward() -> None:
@@ -304,6 +301,7 @@ def test_folds_shift_from_cycle_to_cycle() -> None:
                 node = np.argmin(np.where(path.stroke == stroke, np.abs(path.motor - place), np.inf))
                 chosen.append(next(fold for fold, mask in enumerate(masks) if mask[node]))
             assert sorted(chosen) == [0, 1, 2, 3, 4]
+    assert np.all(np.sum(masks, axis=0) <= 1)
 
 
 def test_settling_is_judged_on_the_same_strokes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -339,13 +337,6 @@ def test_few_strokes_in_the_first_half_let_the_whole_log_choose(cycles: float, o
     fit = bowden.identify(time, motor, cable(motor))
     assert fit.chosen_on_whole is on_whole
     assert any("the whole log chose the model" in warning for warning in fit.warnings) is on_whole
-
-
-def test_without_hysteresis_a_line_is_enough() -> None:
-    fit = bowden.identify(TIME, MOTOR + noise(1), -0.9 * MOTOR + 0.3 + noise(2))
-    assert fit.best.name == "line"
-    fitted = fit.models["line"]
-    assert abs(fitted.parameters["slope"] + 0.9) < 3.0 * fitted.uncertainty["slope"]
 
 
 def test_the_second_half_decides_nothing() -> None:
@@ -406,13 +397,6 @@ def test_a_lag_in_time_is_said_and_taken_out() -> None:
     assert loop.height == pytest.approx(known.height, rel=0.05)
 
 
-def test_no_reversal_means_no_loop_parameters() -> None:
-    ramp = bowden.identify(TIME, 0.02 * TIME, cable(0.02 * TIME))
-    assert math.isinf(ramp.models["play"].uncertainty["half_width"])
-    assert ramp.best.name == "line"
-    assert not any("nearly unidentifiable" in warning for warning in ramp.warnings)  # of a family that was not chosen
-
-
 def test_a_joint_that_does_not_follow_is_said() -> None:
     fit = bowden.identify(TIME, MOTOR, 0.3 * np.sin(7.3 * TIME + 1.0))
     assert fit.best.name == "line"
@@ -428,17 +412,25 @@ def test_progress_goes_on_to_the_end() -> None:
     assert shares[-1] == 1.0
 
 
-def test_signals_that_cannot_be_fitted_are_refused() -> None:
-    with pytest.raises(ParameterError, match="joint has 8000 samples; expected one length"):
-        bowden.identify(TIME, MOTOR[:-1], MOTOR)
-    with pytest.raises(ParameterError, match="expected deg, rad, turns, counts or mm"):
-        bowden.identify(TIME, MOTOR, MOTOR, unit="grad")
-    with pytest.raises(LogError, match="of noise; expected strokes"):
-        bowden.identify(TIME, np.where(TIME < 15.0, 0.0, MOTOR), MOTOR)
-    with pytest.raises(LogError, match="look like degrees"):
-        bowden.identify(TIME, np.degrees(MOTOR), MOTOR)
-    with pytest.raises(LogError, match="too short"):
-        bowden.identify(TIME[:30], MOTOR[:30], MOTOR[:30])
+RESTS = np.where(TIME < 15.0, 0.0, MOTOR)
+FAR = np.where(TIME < 1.0, 2000.0, np.degrees(MOTOR))
+
+
+@pytest.mark.parametrize(
+    ("signals", "unit", "said"),
+    [
+        ((TIME, MOTOR[:-1], MOTOR), None, "joint has 8000 samples; expected one length"),
+        ((TIME, MOTOR, MOTOR), "grad", "expected deg, rad, turns, counts or mm"),
+        ((TIME, RESTS, MOTOR), None, "of noise; expected strokes"),
+        ((TIME, MOTOR, 0.1 + noise(3)), None, r"the joint moves .* of noise; expected .*; check its column"),
+        ((TIME, np.degrees(MOTOR), MOTOR), None, "look like degrees"),
+        ((TIME, FAR, np.degrees(MOTOR)), "deg", "motor is 2000°; expected an angle within ±1146°"),
+        ((TIME[:30], MOTOR[:30], MOTOR[:30]), None, "too short"),
+    ],
+)
+def test_signals_that_cannot_be_fitted_are_refused(signals: tuple[Array, ...], unit: str | None, said: str) -> None:
+    with pytest.raises(BowdenError, match=said):
+        bowden.identify(*signals, unit=unit)
 
 
 @pytest.mark.parametrize(
@@ -465,16 +457,6 @@ def test_odd_motions_end_in_figures_or_in_one_line(motor: Array, size_deg: float
         assert not any(value < 0.0 for value in fitted.uncertainty.values())
 
 
-def test_a_joint_that_only_flickers_is_refused() -> None:
-    with pytest.raises(LogError, match=r"the joint moves .* of noise; expected .*; check its column"):
-        bowden.identify(TIME, MOTOR, 0.1 + noise(3, 0.01))
-
-
-def test_angles_in_degrees_are_refused_in_degrees() -> None:
-    with pytest.raises(LogError, match="motor is 2000°; expected an angle within ±1146°"):
-        bowden.identify(TIME, np.where(TIME < 1.0, 2000.0, np.degrees(MOTOR)), np.degrees(MOTOR), unit="deg")
-
-
 @pytest.mark.parametrize("samples", [60, 4000])
 def test_without_a_reversal_only_the_line_is_recommended(samples: int) -> None:
     motor = np.linspace(0.0, 1.0, samples)
@@ -482,6 +464,8 @@ def test_without_a_reversal_only_the_line_is_recommended(samples: int) -> None:
     fit = bowden.identify(0.01 * np.arange(samples), motor + np.resize(noise(1, 0.005), samples), joint)
     assert fit.best.name == "line"
     assert any("does not reverse" in warning for warning in fit.warnings)
+    assert math.isinf(fit.models["play"].uncertainty["half_width"])
+    assert not any("nearly unidentifiable" in warning for warning in fit.warnings)  # of a family that was not chosen
 
 
 def test_a_model_says_what_it_lacks() -> None:
@@ -513,32 +497,10 @@ def test_parameters_that_are_not_shown_decide_for_the_simpler_model() -> None:
     size = {"rich": 9, "simple": 2}
     errors = {"rich": np.array([1.0, 1.1, 0.9]), "simple": np.array([1.5, 1.6, 1.4])}
     assert simplest_of_the_best(errors, size) == "rich"
-    near = errors | {
-        "simple": 1.08 * errors["rich"]
-    }  # clearly above, and less than a twentieth in the root mean square
+    near = errors | {"simple": 1.08 * errors["rich"]}  # above, but by less than a twentieth in the root mean square
     assert simplest_of_the_best(near, size) == "rich"
     assert simplest_of_the_best(near, size, unseen=["rich"]) == "simple"
     assert simplest_of_the_best(errors, size, unseen=["rich"]) == "rich"
-
-
-def test_a_pure_play_under_noise_is_a_play() -> None:
-    t = np.arange(0.0, 30.0, 1e-3)
-    motor = 20.0 * np.sin(math.pi * t) + 15.0 * np.sin(2.0 * math.pi * 0.17 * t)
-    joint, last = np.empty_like(t), float(motor[0])
-    for i, angle in enumerate(motor):
-        last = joint[i] = min(max(last, angle - 3.0), angle + 3.0)
-    draw = np.random.default_rng(1)
-    read = [one + draw.normal(0.0, 0.02, len(t)) for one in (motor, 0.85 * joint)]
-    fit = bowden.identify(t, *read, unit="deg")
-    assert fit.best.name == "play"
-    assert not any("bouc_wen" in warning for warning in fit.warnings)
-
-
-def test_judged_blocks_do_not_overlap() -> None:
-    path = build_path(TIME, MOTOR, MOTOR, find_turns(MOTOR, 0.0), 500)
-    masks = np.array(folds(path))
-    assert np.all(masks.sum(axis=0) <= 1)
-    assert len(masks) == 5
 
 
 @pytest.mark.parametrize("seed", [8, 22, 27, 50])

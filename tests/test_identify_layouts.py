@@ -158,14 +158,8 @@ def test_the_clocks_of_two_files_are_aligned_by_the_motion(tmp_path: Path, shift
     found = float(said.split("stands ")[1].split(" ")[0])
     assert found == pytest.approx(shift, abs=0.003)
     assert fit.models["play"].parameters["half_width"] == pytest.approx(0.06, rel=0.05)
-    np.savetxt(
-        tmp_path / "motor.csv",
-        np.c_[fast, noise.standard_normal(len(fast))],
-        "%.6f",
-        ",",
-        header="t_s,motor_rad",
-        comments="",
-    )
+    other = np.c_[fast, noise.standard_normal(len(fast))]
+    np.savetxt(tmp_path / "motor.csv", other, "%.6f", ",", header="t_s,motor_rad", comments="")
     with pytest.raises(LogError, match="not of one motion"):
         bowden.identify([tmp_path / "motor.csv", tmp_path / "joint.csv"])
 
@@ -179,14 +173,3 @@ def test_quaternions_of_two_bodies_are_the_angle_between_them() -> None:
     left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
     angle = angle_of([upper, left @ turned])
     assert np.abs(angle) == pytest.approx(np.abs(JOINT - JOINT[0]), abs=1e-9)
-
-
-def test_a_long_gap_cuts_the_log_and_short_ones_are_bridged(tmp_path: Path) -> None:
-    kept = (TIME < 6.0) | (TIME > 8.0)
-    kept[700:703] = False
-    np.savetxt(tmp_path / "log.csv", np.c_[TIME, MOTOR, JOINT][kept], "%.6f", ",", header="time_s,motor_rad,joint_rad",
-               comments="")  # fmt: skip
-    log = read_log(tmp_path / "log.csv")
-    assert log.time[0] == pytest.approx(8.02)
-    assert log.joint == pytest.approx(np.interp(log.time, TIME, JOINT), abs=0.02)
-    assert any("the longest stretch was taken, 15.96 of 23.98 s" in said for said in log.warnings)

@@ -21,7 +21,7 @@ from bowden.identify.cable.identification import identify
 from bowden.identify.cable.loads import _levels
 from bowden.identify.cable.recalibrate import recalibrated
 from bowden.identify.log.read import Log, read_log
-from bowden.identify.log.variables import Scheduled, scheduled_by
+from bowden.identify.log.variables import Scheduled, variables_of
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.scheduled import ScheduledCable, bouc_wen_at, cable_of, joint_angle, line_of, parameters_of
 from bowden.operations.schema import json_schema
@@ -398,9 +398,8 @@ def test_a_wrong_command_line_is_refused_in_one_line(
 @pytest.mark.long
 def test_a_load_of_a_real_cable_that_was_left_out_is_predicted(shared_data: Path) -> None:
     files = sorted((shared_data / "cable_load").glob("*.csv.gz"))
-    by = scheduled_by("load", files, "joint_torque_nm")
-    assert by is not None
-    found = identify([read_log(file) for file in files], [by])
+    logs = [read_log(file) for file in files]
+    found = identify(logs, variables_of({"load": "joint_torque_nm"}, files, logs, None))
     errors = {
         name: float(np.median([getattr(one, name) for one in found.logs])) * DEGREES
         for name in ("unseen_rms", "unseen_offset_rms", "same_rms", "same_offset_rms")

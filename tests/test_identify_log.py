@@ -17,12 +17,11 @@ from scipy.io import savemat
 
 import bowden
 from bowden.core.errors import BowdenError, LogError, ParameterError
-from bowden.identify.cable import checks
-from bowden.identify.cable.turns import least_swing, reversals
 from bowden.identify.log.angles import angle_units
-from bowden.identify.log.clock import even_clock
+from bowden.identify.log.clock import even_clock, held_rows
 from bowden.identify.log.columns import find_columns, split_name
 from bowden.identify.log.read import checked_rate, read_log
+from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.records.trace import Trace
 
 Array = NDArray[np.float64]
@@ -359,6 +358,19 @@ def test_a_gap_is_one_where_every_row_is_doubled() -> None:
     assert len(even_clock(late, [late], str)[0]) == 2000
 
 
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("rows", [1, 4])
+def test_only_a_reading_that_is_repeated_is_held(seed: int, rows: int) -> None:
+    """A joint that turns by a few counts a row, with noise of half of one, is new in each."""
+    random = np.random.default_rng(seed)
+    count = math.tau / 16384.0
+    time = np.arange(0.0, 20.0, 0.004)
+    speed = np.radians(random.uniform(5.0, 60.0))
+    joint = speed * np.sin(time) + random.uniform(0.0, 0.5) * count * random.standard_normal(time.size)
+    read = np.round(joint / count)[np.arange(time.size) // rows * rows] * count
+    assert held_rows(read)[0] == rows
+
+
 @pytest.mark.parametrize(("turn", "unit"), [(360.0, "deg"), (math.tau, "rad"), (8192.0, "counts")])
 def test_an_angle_that_wraps_is_unwrapped(turn: float, unit: str, write: Write) -> None:
     motor = 3.0 * np.sin(3.0 * TIME)  # almost half a turn, to and fro
@@ -575,39 +587,22 @@ def test_what_a_log_takes_to_read_grows_with_its_length_and_no_faster(write: Wri
     assert calls[2] < 1.2 * 10 * calls[1]
 
 
-def swapped(motor: Array, joint: Array) -> bool:
-    return checks.look_swapped(motor, joint, reversals(motor, least_swing(motor)))
-
-
-def test_a_log_whose_columns_are_swapped_is_suspected() -> None:
-    """The far end of a cable lags, whichever way it is counted; one without play says nothing."""
-    motor = np.sin(np.linspace(0.0, 40.0, 4000))
-    late = np.empty_like(motor)
-    last = 0.0
-    for i, angle in enumerate(motor):
-        last = late[i] = min(max(last, angle - 0.05), angle + 0.05)
-    for slope in (0.9, -0.9):
-        assert not swapped(motor, slope * late)
-        assert swapped(slope * late, motor)
-    assert not swapped(motor, 0.9 * motor)
-    assert not swapped(motor[:100], motor[:100] ** 2)  # no loop is closed
-
-
 def test_no_trust_in_a_log_whose_columns_look_swapped() -> None:
-    """What the warning doubts is not trusted."""
+    """The far end of a cable lags, whichever way it is counted; one without play says nothing."""
     t = np.arange(0.0, 20.0, 0.01)
-    motor, joint = np.sin(2.0 * t), np.empty_like(t)
-    last = 0.0
-    for i, angle in enumerate(motor):
-        last = joint[i] = min(max(last, angle - 0.05), angle + 0.05)
-    assert bowden.identify(t, motor, joint).trust.level == "yes"
-    swapped = bowden.identify(t, joint, motor)
-    assert swapped.trust.level == "no"
-    assert "look swapped" in swapped.trust.reasons[0]
-    few = bowden.identify(t, np.rad2deg(0.15 * motor), np.rad2deg(0.15 * joint))  # ±8.6°, without a unit
+    motor = np.sin(2.0 * t)
+    late = plays(motor, np.array([0.05]))[:, 0]
+    for slope in (0.9, -0.9):
+        assert bowden.identify(t, motor, slope * late).trust.level == "yes"
+        swapped = bowden.identify(t, slope * late, motor).trust
+        assert swapped.level == "no"
+        assert "look swapped" in swapped.reasons[0]
+    for whole, joint in ((2000, 0.9 * motor), (100, motor**2)):  # no loop is closed by the second
+        assert "look swapped" not in str(bowden.identify(t[:whole], motor[:whole], joint[:whole]).trust)
+    few = bowden.identify(t, np.rad2deg(0.15 * motor), np.rad2deg(0.15 * late))  # ±8.6°, without a unit
     assert few.trust.level == "no"
     assert "is it in degrees" in few.trust.reasons[0]
     for unit, level in (("deg", "no"), ("deg,deg", "with care")):
-        small = bowden.identify(t, motor, joint, unit=unit)
+        small = bowden.identify(t, motor, late, unit=unit)
         assert small.trust.level == level
         assert "is it in radians" in small.trust.reasons[0]

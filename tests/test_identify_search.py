@@ -18,6 +18,6 @@ def test_what_the_data_do_not_show_stays_where_it_is() -> None:
         return np.stack([np.ones(50), bent], axis=1), slopes[:, :, None]
 
     low, high = np.array([0.1, -1.0]), np.array([9.0, 1.0])
-    found = minimise(basis, joint, np.ones(50), np.array([1.0, 0.123]), low, high)
-    assert found.theta[0] == pytest.approx(3.0, rel=1e-6)
-    assert found.theta[1] == 0.123
+    theta, _ = minimise(basis, joint, np.ones(50), np.array([1.0, 0.123]), low, high)
+    assert theta[0] == pytest.approx(3.0, rel=1e-6)
+    assert theta[1] == 0.123

@@ -214,13 +214,8 @@ def test_a_log_of_a_run_is_taken_from_its_first_reading_on(tmp_path: Path) -> No
     time, command, motor = log(Servo(50.0, 0.9), 0.002, "step")
     unread = np.where(np.arange(len(time)) < 3, np.nan, motor)
     path = tmp_path / "run.csv"
-    np.savetxt(
-        path,
-        np.column_stack([time, command, unread]),
-        header="time_s,command_rad,motor_rad",
-        delimiter=",",
-        comments="",
-    )
+    columns = np.column_stack([time, command, unread])
+    np.savetxt(path, columns, header="time_s,command_rad,motor_rad", delimiter=",", comments="")
     (even, _, found), notes = read_servo_log(path, {})
     assert len(even) == len(time) - 3
     assert np.isfinite(found).all()

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import compiled, kernel
+from bowden.core.kernel import compiled
 from bowden.core.units import RADIANS
 from bowden.models.cable.backlash import push
 from bowden.models.cable.bouc_wen import BoucWen, advance
@@ -259,15 +259,6 @@ def test_the_push_turns_with_the_target_beyond_its_noise_and_fades_where_that_re
     lag, goal = (TURNING, math.copysign(1.0, turns)) if turns else (FADING, 0.0)
     assert (after.direction - direction) / dt == pytest.approx((goal - after.direction) / lag, abs=1e-9)
     assert turn_push(after, math.nan, dt).settled_target == after.settled_target
-
-
-@kernel
-def turned(motor: GearedMotor, ticks: int) -> SpoolState:
-    """The spool after a ramp to 1 rad in 2 s, and rest."""
-    state = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    for k in range(ticks):
-        state = turn_spool(motor, drive_motor(motor, state, min(1.0, k * 5e-5), 1e-4), 0.0, 0.0, 1e-4)
-    return state
 
 
 def test_the_feed_forward_of_friction_takes_away_what_the_pd_loop_leaves_both_ways() -> None:

@@ -2,7 +2,6 @@
 
 import asyncio
 import math
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,10 +12,10 @@ import pytest
 
 from bowden.hardware.buses.unix_bus import UnixBus
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.families.moteus import FAMILY, MoteusParameters
-from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.drives.families.moteus import MoteusParameters
 from bowden.rig.rig import Rig
 from support.own_loop import in_a_thread
+from support.played import Played
 
 moteus = pytest.importorskip("moteus", reason="the extra `partners` is not installed: moteus of mjbots")
 pytestmark = pytest.mark.live
@@ -74,21 +73,15 @@ class UnixTransport:
 
 
 @pytest.fixture
-def played(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[str, TwinBench]]:
-    rig = Rig(drive=MoteusParameters(channel=str(tmp_path / "bus"), can_prefix=getattr(request, "param", 0)))
-    bench = TwinBench(rig.bench, rig.bend_path, 30.0, rig.seed, rig.start_motor, time.monotonic())
-    twin = FAMILY.twin(rig.drive_parameters, bench, time.monotonic, ())
-    thread = threading.Thread(target=twin.run)
-    thread.start()
-    yield rig.drive.channel, bench
-    twin.stop()
-    thread.join()
+def played(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Played]:
+    drive = Rig(drive=MoteusParameters(can_prefix=getattr(request, "param", 0))).drive_parameters
+    with Played(drive, tmp_path / "bus") as twin:
+        yield twin
 
 
-def test_its_position_command_moves_our_twin(played: tuple[str, TwinBench]) -> None:
+def test_its_position_command_moves_our_twin(played: Played) -> None:
     """The loop of its public example: stop, then a position command with a query, every 20 ms."""
-    channel, bench = played
-    transport = UnixTransport(channel)
+    transport = UnixTransport(played.channel)
     seen: list[Any] = []
 
     async def main() -> None:
@@ -109,13 +102,12 @@ def test_its_position_command_moves_our_twin(played: tuple[str, TwinBench]) -> N
     assert values[50][moteus.Register.MODE] == moteus.Mode.POSITION
     moved = values[99][moteus.Register.POSITION] - values[0][moteus.Register.POSITION]
     assert moved == pytest.approx(0.495, abs=0.1)
-    assert bench.motor == pytest.approx(2.0 * math.pi * values[99][moteus.Register.POSITION] / 5.0, abs=0.1)
+    assert played.plant.motor == pytest.approx(2.0 * math.pi * values[99][moteus.Register.POSITION] / 5.0, abs=0.1)
     assert values[50][moteus.Register.FAULT] == 0
 
 
-def test_its_watchdog_its_types_and_its_console_are_understood(played: tuple[str, TwinBench]) -> None:
-    channel, _ = played
-    transport = UnixTransport(channel)
+def test_its_watchdog_its_types_and_its_console_are_understood(played: Played) -> None:
+    transport = UnixTransport(played.channel)
     kinds = moteus.QueryResolution()
     kinds.position, kinds.velocity, kinds.torque = moteus.INT16, moteus.INT16, moteus.INT8
     kinds.motor_temperature, kinds.q_current = moteus.INT16, moteus.INT32
@@ -145,9 +137,8 @@ def test_its_watchdog_its_types_and_its_console_are_understood(played: tuple[str
 
 
 @pytest.mark.parametrize("played", [0x123], indirect=True)
-def test_its_prefix_is_ours(played: tuple[str, TwinBench]) -> None:
-    channel, _ = played
-    transport = UnixTransport(channel)
+def test_its_prefix_is_ours(played: Played) -> None:
+    transport = UnixTransport(played.channel)
 
     async def main() -> tuple[Any, Any]:
         with_it = await moteus.Controller(id=1, transport=transport, can_prefix=0x123).query()

@@ -18,15 +18,15 @@ from bowden.hardware.buses.unix_bus import UnixBus
 from bowden.hardware.drives import driver, odrive_drive
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.checklist import Found
-from bowden.hardware.drives.families.odrive import FAMILY, OdriveParameters, motor_scale
+from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale
 from bowden.hardware.drives.odrive_drive import OdriveDialogue, OdriveDrive
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
 from bowden.hardware.drives.odrive_frames import ERRORS, AxisState, Beat, Cmd, Scales, Target
 from bowden.hardware.drives.scale import motor_limits
 from bowden.hardware.ports import Power
-from bowden.hardware.twin.bench import TwinBench
 from bowden.rig.rig import Rig
 from support.own_loop import in_a_thread
+from support.played import Played
 
 odrive_can = pytest.importorskip("odrive_can", reason="the extra `partners` is not installed: odrive-can")
 pytestmark = [  # its thread hands frames to a loop that has ended
@@ -85,26 +85,21 @@ def test_errors_and_states_have_the_names_of_the_official_file() -> None:
 
 
 @pytest.fixture
-def played(tmp_path: Path) -> Iterator[tuple[str, TwinBench]]:
+def played(tmp_path: Path) -> Iterator[Played]:
     """A board as it comes, with its watchdog off: the partner's examples do not feed it while they wait."""
-    rig = Rig(drive=OdriveParameters(channel=str(tmp_path / "bus")))
-    bench = TwinBench(rig.bench, rig.bend_path, 30.0, rig.seed, rig.start_motor, time.monotonic())
-    twin = FAMILY.twin(rig.drive_parameters, bench, time.monotonic, ("axis0.config.enable_watchdog=0",))
-    thread = threading.Thread(target=twin.run)
-    thread.start()
-    yield rig.drive.channel, bench
-    twin.stop()
-    thread.join()
+    drive = Rig(drive=OdriveParameters()).drive_parameters
+    with Played(drive, tmp_path / "bus", ("axis0.config.enable_watchdog=0",)) as twin:
+        yield twin
 
 
 @pytest.mark.live
-def test_its_own_example_moves_our_twin(played: tuple[str, TwinBench], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_its_own_example_moves_our_twin(played: Played, monkeypatch: pytest.MonkeyPatch) -> None:
     """`examples/position_control.py`, unmodified but for the bus, with one turn in place of forty."""
     from odrive_can import odrive
     from odrive_can.examples import position_control
 
-    channel, bench = played
-    monkeypatch.setattr(odrive, "get_can_bus", lambda: UnixBus(channel))
+    bench = played.plant
+    monkeypatch.setattr(odrive, "get_can_bus", lambda: UnixBus(played.channel))
     start, reached = bench.motor, []
 
     async def main() -> None:
@@ -122,11 +117,10 @@ def test_its_own_example_moves_our_twin(played: tuple[str, TwinBench], monkeypat
 
 
 @pytest.mark.live
-def test_its_questions_are_answered(played: tuple[str, TwinBench]) -> None:
-    channel, _ = played
+def test_its_questions_are_answered(played: Played) -> None:
 
     async def main() -> tuple[Any, ...]:
-        drive = odrive_can.ODriveCAN(1, UnixBus(channel))
+        drive = odrive_can.ODriveCAN(1, UnixBus(played.channel))
         await drive.start()
         drive.ignore_message(odrive_can.odrive.CommandId.ENCODER_ESTIMATE)
         told = await drive.get_bus_voltage_current(), await drive.get_iq(), drive.axis_state

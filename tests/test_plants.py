@@ -32,8 +32,8 @@ from bowden.plants.transmission import measured_response, transmission
 from bowden.plants.user_plant import UserPlant
 from bowden.records.metrics import is_stable
 from bowden.rig.rig import Rig
-from bowden.sim.many import Case, simulate_many
-from bowden.sim.run import simulate
+from bowden.sim.many import simulate_many
+from bowden.sim.run import Case, simulate
 from support.sensors import PAPER_ENCODER
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "my_plant.py"
@@ -62,6 +62,8 @@ def test_a_play_has_no_slope_right_after_a_reversal() -> None:
     assert found.slope == pytest.approx(0.9)
     assert found.reversal == pytest.approx(0.0, abs=1e-9)
     assert found.dead_zone == pytest.approx(2.0 * 0.9 * 0.05, rel=1e-3)
+    like = transmission(Bench(cable=cables.bouc_wen_like(cables.play(Play(0.9, 0.05, 0.0)))), np.pi, STROKE)
+    assert (like.slope, like.dead_zone) == pytest.approx((0.9, 2.0 * 0.9 * 0.05))
 
 
 def test_a_response_is_that_about_the_middle_of_the_stroke() -> None:

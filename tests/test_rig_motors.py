@@ -15,8 +15,8 @@ from bowden.live.figures import Damage
 from bowden.live.live_run import live_run
 from bowden.live.log_facts import facts
 from bowden.live.mcap_read import Recording
-from bowden.live.motor_columns import COMMON, of_all, view
 from bowden.live.row import CYCLE
+from bowden.live.together import COMMON, of_all, view
 from bowden.rig.motors import merged
 from bowden.rig.rig import Rig, RigMotor
 from bowden.safety.release import longest_release

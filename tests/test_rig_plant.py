@@ -13,8 +13,9 @@ from bowden.plants.plant_file import load
 from bowden.plants.transmission import transmission
 from bowden.plants.user_plant import UserPlant
 from bowden.rig.rig import Rig
-from bowden.sim.many import Case, simulate_many
+from bowden.sim.many import simulate_many
 from bowden.sim.rig_runs import run_of
+from bowden.sim.run import Case
 from bowden.study.tune_law import workers_for
 
 pytestmark = pytest.mark.usefixtures("undrawn")

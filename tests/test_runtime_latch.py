@@ -16,11 +16,10 @@ from bowden.core.errors import SafetyError
 from bowden.hardware.drives.families.ak_mit import AkParameters
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.live import drive_memory
-from bowden.live.automatic import automatic
 from bowden.live.preflight import Preflight
 from bowden.live.row import AT
 from bowden.live.script import Script
-from bowden.live.session import Session
+from bowden.live.session import Session, automatic
 from bowden.live.session_motor import SessionMotor
 from bowden.live.stops import MotorFaults
 from bowden.safety.faults import Fault, of

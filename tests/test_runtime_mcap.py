@@ -21,8 +21,7 @@ from mcap_ros2.decoder import DecoderFactory
 from bowden.core.errors import BowdenError, LogError
 from bowden.live.events import Changes
 from bowden.live.figures import Damage, LogFacts, RunStop, TimedText
-from bowden.live.mcap_layout import Event, topics
-from bowden.live.mcap_log import MAGIC, LogFile, about, checksum
+from bowden.live.mcap_log import MAGIC, Event, LogFile, about, checksum, topics
 from bowden.live.mcap_read import read
 from bowden.live.mcap_recover import recover
 from bowden.live.ring import Description

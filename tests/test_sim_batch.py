@@ -1,4 +1,4 @@
-"""Many loops in one compiled call are the single runs, to the last bit."""
+"""Many loops are the single runs, to the last bit."""
 
 from typing import Any
 
@@ -9,17 +9,14 @@ from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import compiled
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath_path import constant_bend, random_bend
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
-from bowden.sim import many
-from bowden.sim.batch import pairwise_sum
 from bowden.sim.injected import Injected, SensorFault
-from bowden.sim.many import Case, Outcome, simulate_many
-from bowden.sim.run import simulate
+from bowden.sim.many import Outcome, simulate_many
+from bowden.sim.run import Case, simulate
 from support.sensors import PAPER_ENCODER
 from unseen_cells import case_of, draw
 
@@ -79,13 +76,6 @@ def together(outcome: Outcome) -> tuple[float | None, ...]:
     return tuple(None if np.isnan(value) else value for value in values)
 
 
-@pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 127, 128, 129, 136, 255, 256, 257, 1000, 4097, 60_000])
-def test_sums_are_numpys(count: int) -> None:
-    values = np.random.default_rng(count).standard_normal(count)
-    assert compiled(pairwise_sum)(values, 0, count) == pairwise_sum(values, 0, count) == np.sum(values)
-    assert compiled(pairwise_sum)(values, min(3, count), count) == np.sum(values[3:])
-
-
 def test_a_batch_is_its_single_runs_to_the_last_bit() -> None:
     """Everything that may differ from run to run differs, and one of them runs away."""
     gains = ADAPTIVE.with_gains(error_gain=0.02, feedback_gain=25.0)
@@ -105,11 +95,10 @@ def test_a_batch_is_its_single_runs_to_the_last_bit() -> None:
     assert [row[1] for row in found] == [1.0, 1.0, 0.0, 1.0, 1.0, 1.0]
 
 
-def test_neither_the_neighbours_nor_the_size_of_a_group_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_neighbours_do_not_matter() -> None:
     other = NOISY._replace(sample_time=2e-3)
     cases = [case(seed, bench=bench) for seed in range(4) for bench in (NOISY, other)]
     found = [together(one) for (one,) in simulate_many(cases, 2.0)]
-    monkeypatch.setattr(many, "MEMORY", 1.0)
     assert [together(one) for (one,) in simulate_many(reversed(cases), 2.0)] == found[::-1]
     assert len(set(found)) == len(found)
 

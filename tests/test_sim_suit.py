@@ -18,6 +18,7 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.sheath import Sheath, slope_factor
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.geared_motor import SpoolState, drive_motor, turn_spool
+from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.drive.thermal import warm
 from bowden.models.suit.arm import GRAVITY, Arm, Wearer, gravity_torque, passive_torque, wearer_torque
 from bowden.models.suit.flex_sensor import PAPER_FLEX, FlexSensor, flex_step
@@ -25,7 +26,7 @@ from bowden.models.suit.geometry import extensor_extension, flexor_extension
 from bowden.models.suit.load_cell import CURRENT_NOISE, cell_reading
 from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_of
 from bowden.models.suit.suit_cable import Fabric, Pull, fabric_tension, give, pull_suit_cable, start_suit_cable
-from bowden.plants.plant import sheath_state
+from bowden.plants.plant import sheath_path, sheath_state
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import (
     STOP_DAMPING,
@@ -39,6 +40,7 @@ from bowden.plants.suit_plant import (
 )
 from bowden.plants.suit_push import friction_of
 from bowden.plants.suit_settings import SuitSettings
+from bowden.plants.worn_suit import elbow_dead_zone
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
@@ -256,6 +258,32 @@ def test_a_cycle_is_its_sub_steps_along_the_bend_and_begins_with_one_tension_in_
         (made.extensor, begun.extensor, -made.extensor_radius * spool, -made.joint_radius * 0.5),
     ):
         assert memory == start_suit_cable(cable, pulled, end, factor)
+
+
+def test_a_suit_s_sheaths_are_bent_by_the_scenario_and_by_the_elbow() -> None:
+    path, joint = sheath_path(UNEVEN.sheath, np.array([2.0, 2.5, 3.0])), np.array([0.1, 0.7])
+    shown = zip(*UNEVEN.sheath_columns(joint, path).values(), strict=True)
+    bends = path.bends[:2] + UNEVEN.posture * joint
+    assert [*shown] == [pytest.approx(sheath_state(UNEVEN.sheath, bend)) for bend in bends]
+
+
+def test_an_elbow_loses_what_its_spool_does_and_a_braked_motor_is_no_faster_than_unloaded() -> None:
+    """Both where the flexor's lever is least, with the arm straight."""
+    made = prepare_suit(SUIT)
+    assert flexor_travel(elbow_dead_zone(1e-7), made.map) == pytest.approx(2e-7, rel=1e-4)
+    braked = SUIT._replace(brake=HoldingBrake(0.1), motor=SUIT.motor._replace(supply=36.0)).dynamics().plant
+    least = min(flexor_arm(angle, made.map) for angle in np.linspace(0.0, 2.0, 50))
+    assert braked.speed * least == pytest.approx(SUIT.spool_radius * 36.0 / (SUIT.motor.gear * 16.7e-3))
+    held, free = braked.held.motor.friction, braked.worn.suit.motor.friction
+    assert held - free == pytest.approx(SUIT.motor.gear * 0.1)
+
+
+def test_noise_of_current_and_load_cell_leaves_that_of_the_angles_as_it_is() -> None:
+    drawn, other = np.empty((4000, 5)), np.empty((4000, 5))
+    SUIT.draw(3, drawn)
+    SUIT.draw(4, other)
+    np.testing.assert_array_equal(drawn[:, :3], np.random.default_rng(3).standard_normal((4000, 3)))
+    assert np.corrcoef(drawn, other, rowvar=False) == pytest.approx(np.eye(10), abs=0.07)
 
 
 def test_what_a_worn_suit_shows_is_where_it_is_behind_its_sensors() -> None:

@@ -24,8 +24,8 @@ from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.rig.settings import EmgSettings
 from bowden.sim.joint import CabledJoint, JointMotor, simulate_joint
-from bowden.sim.many import Case, simulate_many
-from bowden.sim.run import simulate
+from bowden.sim.many import simulate_many
+from bowden.sim.run import Case, simulate
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 LAW, PLANT = ((EXAMPLES / name).read_text() for name in ("my_law.py", "my_plant.py"))

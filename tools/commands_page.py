@@ -7,7 +7,7 @@ from bowden.core.files import write_text
 from bowden.hardware.twin.injection import KINDS
 from bowden.operations.support.operation import Operation, OperationParameter, Role, declared, parameters
 
-_COMMON = ("--out", "--motor")
+_COMMON = ("--out",)
 """Options that mean the same for every command that has them."""
 
 
@@ -17,7 +17,7 @@ def markdown() -> str:
         "# Commands",
         "",
         "Every command with its options. `bowden NAME --help` explains each option and shows examples. Not listed:",
-        "`--out` (where results go), `--motor` (one of several), and `--json`, which every command takes: it then",
+        "`--out` (where results go) and `--json`, which every command takes: it then",
         "prints one JSON document and nothing else; `bowden schema NAME` prints its schema. Exit code 0: done as",
         "asked. 1: done, with a bad result (a loop that does not hold, a run that ended by a fault). 2: not done;",
         "one line says why. 130: interrupted.",

@@ -23,17 +23,13 @@ from bowden.hardware.drives.families.feetech import FeetechParameters
 from bowden.hardware.drives.families.moteus import MoteusParameters
 from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.of_rig import open_drive
-from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import parse
-from bowden.hardware.twin.moteus_node import MoteusNode
-from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.hardware.twin.plant import OFF
 from bowden.hardware.twin.sensor_node import LoadCellNode
-from bowden.hardware.twin.servo_node import FeetechNode, ServoNode
 from bowden.live.preflight import Preflight, Reason
 from bowden.live.script import Script
+from bowden.rig.families import family_named, family_of
 from bowden.rig.load_cell import LoadCellParameters
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
@@ -43,16 +39,16 @@ from bowden.safety.state import Mode
 from loop_rig import LoopRig
 from support.memory_bus import MemoryBus
 
-FAMILIES: Mapping[str, tuple[Callable[[], Rig], Any]] = {
-    "cia402": (Rig, CanopenNode),
-    "ak_mit": (lambda: _geared(Rig(drive=AkParameters())), AkNode),
-    "ak_mit V3": (lambda: _geared(Rig(drive=AkParameters(board="v3"))), AkNode),
-    "moteus": (lambda: Rig(drive=MoteusParameters()), MoteusNode),
-    "odrive": (lambda: Rig(drive=OdriveParameters()), OdriveNode),
-    "dynamixel": (lambda: _on_a_line(DynamixelParameters(motor_home=-math.pi / 2.0)), ServoNode),
-    "feetech": (lambda: _on_a_line(FeetechParameters(motor_home=-math.pi / 2.0)), FeetechNode),
+FAMILIES: Mapping[str, Callable[[], Rig]] = {
+    "cia402": Rig,
+    "ak_mit": lambda: _geared(Rig(drive=AkParameters())),
+    "ak_mit V3": lambda: _geared(Rig(drive=AkParameters(board="v3"))),
+    "moteus": lambda: Rig(drive=MoteusParameters()),
+    "odrive": lambda: Rig(drive=OdriveParameters()),
+    "dynamixel": lambda: _on_a_line(DynamixelParameters(motor_home=-math.pi / 2.0)),
+    "feetech": lambda: _on_a_line(FeetechParameters(motor_home=-math.pi / 2.0)),
 }
-"""Family → a rig with it, and what plays it."""
+"""Family → a rig with it."""
 
 
 def _geared(rig: Rig) -> Rig:
@@ -137,10 +133,11 @@ bench alone. And a fault of a board that is in no mode: its next command gives t
 
 def cases() -> Iterator[tuple[str, DriveRow]]:
     """Each family with each fault that its drive can have."""
-    for name, (_, node) in FAMILIES.items():
+    for name in FAMILIES:
+        node = family_named(name.split()[0]).node()
         for row in ROWS:
             kind = row.text.split()[0]
-            if {kind, f"{kind} motor"} & getattr(node, "lacks", {}).keys() or (name, kind) in EXCEPT:
+            if {kind, f"{kind} motor"} & node.lacks.keys() or (name, kind) in EXCEPT:
                 continue
             yield name, row
 
@@ -208,10 +205,9 @@ def played(name: str, fitted: Callable[[Rig], Rig] = lambda rig: rig) -> tuple[R
         name: of the family.
         fitted: the rig with what else it has.
     """
-    make, node_of = FAMILIES[name]
-    rig, bus = fitted(make()), MemoryBus()
+    rig, bus = fitted(FAMILIES[name]()), MemoryBus()
     plant = TwinBench(rig.bench, rig.bend_path, 20.0, rig.seed, rig.start_motor, bus.time)
-    node = node_of(rig.drive_parameters, plant, bus.put, bus.note)
+    node = family_of(rig.drive).node()(rig.drive_parameters, plant, bus.put, bus.note)
     bus.faults = node.faults
     bus.attach(node)
     if rig.load_cell.there:

@@ -19,10 +19,9 @@ from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import LAW
 from bowden.hardware.buses.unix_bus import FRAME, UnixBus
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.live.automatic import automatic
 from bowden.live.live_run import live_run
 from bowden.live.row import AT
-from bowden.live.session import Session
+from bowden.live.session import Session, automatic
 from bowden.live.twin_process import RunningTwin, running_twin
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of

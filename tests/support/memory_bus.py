@@ -13,15 +13,10 @@ from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.buses.unix_bus import flagged, message_of
 from bowden.hardware.ports import Drive, Power
-from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import parse
-from bowden.hardware.twin.moteus_node import MoteusNode
-from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.hardware.twin.plant import OFF, TwinPlant
-from bowden.hardware.twin.servo_node import FeetechNode, ServoNode
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.presets.bench import bench
@@ -135,17 +130,6 @@ class DrivenBus(MemoryBus):
         self.node.faults.inject(parse(text)._replace(start=self.time, end=self.time + lasting))
 
 
-NODES: dict[str, Any] = {
-    "cia402": CanopenNode,
-    "ak_mit": AkNode,
-    "moteus": MoteusNode,
-    "odrive": OdriveNode,
-    "dynamixel": ServoNode,
-    "feetech": FeetechNode,
-}
-"""Family → its twin."""
-
-
 def bench_at(now: float, encoder: Encoder | None = None) -> TwinBench:
     """The bench with its motor at 0.1 rad, and with another encoder of the motor where one is given."""
     rig = bench()
@@ -164,7 +148,7 @@ class DriverLoop(DrivenBus):
 
     def __init__(self, drive: Any, overrides: Any = None, plant: Callable[[float], TwinPlant] = bench_at) -> None:
         super().__init__()
-        self.node = NODES[drive.family](drive, plant(self.time), self.put, self.note, overrides)
+        self.node = family_of(drive).node()(drive, plant(self.time), self.put, self.note, overrides)
         self.faults = self.node.faults
         self.attach(self.node)
         self.drive = family_of(drive).open(drive, Links(self))

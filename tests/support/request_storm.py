@@ -12,7 +12,7 @@ from bowden.core.signals import DriveReading, DriveState, Reference
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
 from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
-from bowden.live import control_block, motor_columns, ring, row
+from bowden.live import control_block, ring, row, together
 from bowden.live.control_block import ControlBlock
 from bowden.live.loop import Loop, MotorParts
 from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
@@ -99,7 +99,7 @@ class Storm:
         self._valid: list[Request] = []  # asked for after the last stop
         self._waited, self._stops, self._taken, self._resets = False, 0, Request.NONE, 0
         law, names = LAWS["adaptive"], tuple("abc"[:axes]) if axes > 1 else ("",)
-        self._columns = motor_columns.of_all({name: row.columns(law, together=axes > 1) for name in names})
+        self._columns = together.columns_of_all({name: row.columns(law, together=axes > 1) for name in names})
         self._names = names
         ring.create(folder / "ring", row.description(self._columns, {}, 0, 0), 64)
         shared_memory.create(folder / "block", control_block.WORDS)
@@ -151,7 +151,7 @@ class Storm:
         newest = self.reader.last()
         if newest is None:
             return []
-        views = [motor_columns.view(self._columns, self._names, name) for name in self._names]
+        views = [together.view(self._columns, self._names, name) for name in self._names]
         rows = [dict(zip(view.columns, newest[list(view.places)].tolist(), strict=True)) for view in views]
         modes = [Mode(int(one["mode"])) for one in rows]
         self.modes.update(modes)

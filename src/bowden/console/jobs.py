@@ -20,14 +20,10 @@ _LARGEST = 1 << 24
 
 
 class Jobs:
-    """Starts them, some at a time.
+    """Starts them, two at a time; what comes then waits."""
 
-    Args:
-        most: at a time; what comes then waits.
-    """
-
-    def __init__(self, most: int = 2) -> None:
-        self._places = asyncio.Semaphore(most)
+    def __init__(self) -> None:
+        self._places = asyncio.Semaphore(2)
         self._running: set[asyncio.subprocess.Process] = set()
 
     async def do(self, work: str, progress: Callable[[str, float], None] | None = None, **given: Any) -> Any:

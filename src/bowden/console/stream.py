@@ -17,12 +17,11 @@ from bowden.core.signals import DriveState
 from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import TargetSource
 from bowden.live.events import Changes
-from bowden.live.mcap_layout import Event
+from bowden.live.mcap_log import Event
 from bowden.live.mcap_read import motors_of, settings_of
-from bowden.live.motor_columns import view
 from bowden.live.ring import Description, RingReader
 from bowden.live.row import AT
-from bowden.live.together import modes_of_all
+from bowden.live.together import modes_of_all, view
 from bowden.safety.state import Mode
 
 Array = NDArray[np.float64]

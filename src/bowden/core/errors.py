@@ -91,10 +91,12 @@ def near(name: str, known: Iterable[str]) -> str:
 
 @contextlib.contextmanager
 def error_context(key: str) -> Iterator[None]:
-    """Say which file, and which of its keys, led to a failure."""
+    """Say which file, and which of its keys, led to a failure; nothing for an empty one."""
     try:
         yield
     except BowdenError as error:
+        if not key:
+            raise
         do = error.do or "correct it there"
         raise type(error)(f"{key}: {error.what}", expected=error.expected, do=do) from None
 

@@ -6,6 +6,7 @@ imported only then. Compiled code is cached on disk (`bowden.core.kernel_cache`)
 """
 
 from collections.abc import Callable, Mapping
+from contextvars import ContextVar
 from functools import cache
 from types import FunctionType
 from typing import Any, TypeVar
@@ -156,8 +157,8 @@ def _compile(function: FunctionType, name: str, parts: Parts, *, within: bool) -
     return dispatcher
 
 
-_OPEN: list[FunctionType] = []
-"""Kernels whose twins are being made, each called by the one before."""
+_OPEN: ContextVar[tuple[FunctionType, ...]] = ContextVar("kernels", default=())
+"""Kernels whose twins this thread is making, each called by the one before."""
 
 
 def _twin(function: FunctionType, parts: Parts) -> FunctionType:
@@ -166,15 +167,16 @@ def _twin(function: FunctionType, parts: Parts) -> FunctionType:
     Raises:
         ParameterError: it calls itself.
     """
-    if function in _OPEN:
-        code, others = function.__code__, _OPEN[_OPEN.index(function) + 1 :]
+    above = _OPEN.get()
+    if function in above:
+        code, others = function.__code__, above[above.index(function) + 1 :]
         raise ParameterError(
             f"{code.co_filename}, line {code.co_firstlineno}: the kernel {function.__name__!r} calls itself"
             + "".join(f", by {one.__name__!r}" for one in others),
             expected="kernels that call others",
             do="write it as a loop: for i in range(n)",
         )
-    _OPEN.append(function)
+    token = _OPEN.set((*above, function))
     try:
         namespace, replaced = dict(function.__globals__), dict(parts)
         for key in global_names(function.__code__):
@@ -184,7 +186,7 @@ def _twin(function: FunctionType, parts: Parts) -> FunctionType:
             elif is_primitive(value):
                 namespace[key] = _primitive(value)
     finally:
-        _OPEN.pop()
+        _OPEN.reset(token)
     return FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
 
 

@@ -15,7 +15,7 @@ from bowden.drawing import shown
 from bowden.drawing.style import COLOURS, CYCLE, legend, new_figure
 from bowden.identify.emg.detector_score import DetectorScore
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
-from bowden.identify.emg.log import EmgLog, channel_unit, checked_emg, read_emg, read_labels
+from bowden.identify.emg.log import EmgRecording, channel_unit, checked_emg, read_emg, read_labels
 from bowden.identify.emg.score import Findings, Spans, find, spans
 from bowden.sensing import wearer_file
 from bowden.sensing.detector import Detector
@@ -34,14 +34,14 @@ _MOST = 4000
 """Points of a line: the lowest and highest of each stretch are drawn."""
 
 
-def signal_figure(log: EmgLog, labels: Spans | None, found: Findings) -> "Figure":
+def signal_figure(log: EmgRecording, labels: Spans | None, found: Findings) -> "Figure":
     """Signal, envelope and spans over time."""
     figure, axes = new_figure(3, 1, height=5.2, share_x=True)
     draw_signal(axes, log, labels, found)
     return figure
 
 
-def draw_signal(axes: "Sequence[Axes]", log: EmgLog, labels: Spans | None, found: Findings) -> None:
+def draw_signal(axes: "Sequence[Axes]", log: EmgRecording, labels: Spans | None, found: Findings) -> None:
     """The same on three axes."""
     above, middle, below = axes
     time = log.start + np.arange(len(log.values)) / log.rate
@@ -91,7 +91,7 @@ def _outline(time: Array, values: Array) -> tuple[Array, Array]:
     return np.repeat(time[: count * stretch : stretch], 2), both
 
 
-Recording = str | Path | EmgLog | ArrayLike
+Recording = str | Path | EmgRecording | ArrayLike
 """The path of a recording, or the samples of one channel (n,)."""
 _MOST_SPANS = 5
 """Contractions that a warning lists."""
@@ -103,7 +103,7 @@ class Contractions(shown.Plotted):
 
     _panels = shown.Panels(3, 1, 7.0, 5.2)
 
-    log: EmgLog = field(compare=False)
+    log: EmgRecording = field(compare=False)
     """The channel."""
     labels: Spans | None
     """Onset and end of the contractions as they are known, in the recording's time [s]; None without labels."""
@@ -173,7 +173,7 @@ def _in_words(score: DetectorScore) -> str:
 
 
 def scored(
-    log: EmgLog,
+    log: EmgRecording,
     *,
     labels: "str | Path | Sequence[tuple[float, float]] | None",
     wearer: str | Path | MuscleCalibration | None,
@@ -220,14 +220,14 @@ def scored(
 
 
 def calibrated(
-    log: EmgLog, rest: EmgLog | None, mains: float, kind: Detector
+    log: EmgRecording, rest: EmgRecording | None, mains: float, kind: Detector
 ) -> tuple[MuscleCalibration, dict[str, float], list[str]]:
     """A wearer's levels from channels that were read, the note on what was left out → how much [s], and warnings.
 
     Raises:
         LogError: too little is left of a recording, or there is no contraction in it.
     """
-    read: list[tuple[EmgLog, EnvelopeLevels]] = []
+    read: list[tuple[EmgRecording, EnvelopeLevels]] = []
     for one in (log, rest):
         if one is not None:
             read.append((one, envelope_levels(one.values, one.rate, one.name, mains, kind)))
@@ -240,7 +240,7 @@ def calibrated(
     return wearer_file.check(wearer, source), notes, [] if rest is None else _rest_warnings(rest, log, kind)
 
 
-def _rest_warnings(rest: EmgLog, log: EmgLog, kind: Detector) -> list[str]:
+def _rest_warnings(rest: EmgRecording, log: EmgRecording, kind: Detector) -> list[str]:
     """What is odd about a recording of rest: contractions in it, or another unit than the other recording's."""
     found = [(rest.start + on, rest.start + off) for on, off in _contractions(rest, kind)]
     warnings = []
@@ -257,7 +257,7 @@ def _rest_warnings(rest: EmgLog, log: EmgLog, kind: Detector) -> list[str]:
     return warnings
 
 
-def _contractions(log: EmgLog, kind: Detector) -> Spans:
+def _contractions(log: EmgRecording, kind: Detector) -> Spans:
     """Contractions that the detector finds, from the first sample on [s]."""
     return spans(OnsetDetector(log.rate, None, kind).feed(log.values).active, log.rate)
 
@@ -267,7 +267,7 @@ def note_left_out(seconds: float, where: str) -> str:
     return f"{where}: {seconds:.1f} s of dead electrode, movement, mains or clicks are left out"
 
 
-def recording_of(recording: Any, channel: str | None, rate: float | None, function: str) -> EmgLog:
+def recording_of(recording: Any, channel: str | None, rate: float | None, function: str) -> EmgRecording:
     """One channel of what was given as a recording.
 
     Raises:
@@ -277,7 +277,7 @@ def recording_of(recording: Any, channel: str | None, rate: float | None, functi
     if rate is not None and not 0.0 < rate < 1e6:
         what = argument("rate").rstrip("=")
         raise ParameterError(f"{what} is {rate:g}", expected="samples a second, such as 1000", do="correct it")
-    if isinstance(recording, EmgLog):
+    if isinstance(recording, EmgRecording):
         return recording
     if isinstance(recording, str | Path):
         return read_emg(Path(recording), channel, rate)
@@ -308,7 +308,7 @@ def _spans(labels: Any) -> Spans | None:
     return pairs
 
 
-def _check_labels(labels: Spans | None, log: EmgLog, where: str) -> None:
+def _check_labels(labels: Spans | None, log: EmgRecording, where: str) -> None:
     end = log.start + len(log.values) / log.rate
     if labels and (labels[0][0] < log.start or labels[-1][1] > end):
         raise LogError(

@@ -126,7 +126,7 @@ def shortfall_on_the_way(task: Task) -> float:
 
 
 def errors(task: Task) -> tuple[float, ...]:
-    """RMSE of every run [rad], as far as the limit asks for it: all of them in one compiled call."""
+    """RMSE of every run [rad], as far as the limit asks for it."""
     return course_of(task.runs).errors(task.runs.laws(task.law), task.order, task.limit, at_once=task.at_once)
 
 

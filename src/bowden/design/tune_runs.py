@@ -11,8 +11,8 @@ from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajecto
 from bowden.design.trial import Kept
 from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_bend
 from bowden.plants.plant import Plant
-from bowden.sim.course import Course
-from bowden.sim.many import Case
+from bowden.sim.many import Course
+from bowden.sim.run import Case
 
 RUN = 20.0
 """Length of one simulation [s]."""

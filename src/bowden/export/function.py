@@ -23,7 +23,6 @@ from bowden.export.kinds import (
     Kind,
     Row,
     Struct,
-    annotated,
     hints_of,
     identifier,
     is_enum,
@@ -126,15 +125,15 @@ class Function:
         self.parameters = tuple(self.kinds)
         self.result: Kind = None
         nodes = [node for one in self.source.body for node in ast.walk(one)]
-        names = [node for node in nodes if isinstance(node, ast.Name)]
-        self.assigned = Counter(node.id for node in names if isinstance(node.ctx, ast.Store))
+        stored = [node for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)]
+        self.assigned = Counter(node.id for node in stored)
         """Name of a local → how often it is assigned."""
-        loops = [node.target for node in nodes if isinstance(node, ast.For) and isinstance(node.target, ast.Name)]
-        counters = Counter(one.id for one in loops)
-        for one in loops:
-            if one.id in self.parameters or counters[one.id] < self.assigned[one.id]:
+        counters = [node.target for node in nodes if isinstance(node, ast.For)]
+        others = {node.id for node in stored if node not in counters}.union(self.parameters)
+        for one in counters:
+            if isinstance(one, ast.Name) and one.id in others:
                 raise self.refused(one, "which counts a loop and is another local", "give it another name")
-        self.homes = {name: _home(self.source.body, name) for name in self.assigned if name not in counters}
+        self.homes = {name: _home(self.source.body, name) for name in self.assigned if name in others}
         """Name of a local → the statement at which it is declared."""
         self.declared = set(self.parameters)
         self.pointers = {name for name, kind in self.kinds.items() if not is_number(kind)}
@@ -265,7 +264,7 @@ class Function:
         if self.result is None:
             hint = hints_of(self.function).get("return")
             hints = [*(typing.get_args(hint) if several else [hint]), *[None] * len(nodes)]
-            kinds = [annotated(want) or part.kind for part, want in zip(parts, hints, strict=False)]
+            kinds = [kind_of(hint=want) or part.kind for part, want in zip(parts, hints, strict=False)]
             names = [_name_of(node) or f"item{k}" for k, node in enumerate(nodes)]
             names = names if len(set(names)) == len(names) else [f"item{k}" for k in range(len(names))]
             fields = tuple(zip(names, kinds, strict=True))
@@ -280,11 +279,63 @@ class Function:
     # ---- expressions ----
 
     def _expression(self, node: ast.expr) -> Expression:
-        method = getattr(self, f"_on_{type(node).__name__.lower()}", None)
-        if method is None or any(type(one) not in _OPERATORS for one in operators(node)):
+        if any(type(one) not in _OPERATORS for one in operators(node)):
             raise self.refused(node)
-        found: Expression = method(node)
-        return found
+        match node:
+            case ast.Constant(value=value):
+                if (kind := kind_of(value)) is None:
+                    raise self.refused(node, "", "use numbers; an IntEnum has names for them")
+                return Expression(self.unit.value(value, kind), kind)
+            case ast.Name(id=name) if name in self.kinds:
+                mark, level = ("*", UNARY) if name in self.pointers else ("", ATOM)
+                return Expression(f"{mark}{identifier(name)}", self.kinds[name], level, self.assigned[name] < 2)
+            case ast.Name(id=name):
+                if name in self.assigned:
+                    raise self.refused(node, "which is read before it is set", "set it first")
+                return self._global(node, self.source.file, name)
+            case ast.Attribute():
+                return self._attribute(node)
+            case ast.Subscript(value=value, slice=place):
+                row, at = self._expression(value), self._expression(place)
+                if at.kind is not int or not isinstance(row.kind, Row):
+                    raise self.refused(node, "", "take one number of a tuple of numbers, by a whole number")
+                return Expression(f"{row.field('at', None).text}[{at.text}]", row.kind.of, fixed=row.fixed)
+            case ast.UnaryOp(op=op, operand=operand):
+                negated = isinstance(op, ast.Not)
+                inner = self._number(operand, truth=negated)
+                if isinstance(op, ast.Invert) and inner.kind is float:
+                    raise self.refused(node)
+                kind = bool if negated else float if inner.kind is float else int
+                return Expression(f"{_OPERATORS[type(op)][0]}{inner.operand(ATOM)}", kind, UNARY)
+            case ast.BinOp(op=ast.Add(), left=ast.Tuple(elts=new), right=past):
+                return self._shifted(new, past)
+            case ast.BinOp():
+                return self._arithmetic(node)
+            case ast.Compare(left=first, comparators=others):
+                parts = [self._number(one) for one in (first, *others)]
+                found = [self._compared(*three) for three in zip(parts, node.ops, parts[1:], strict=False)]
+                text = " && ".join(one.within(EQUAL) for one in found)
+                return found[0] if len(found) == 1 else Expression(text, bool, AND)
+            case ast.BoolOp(op=op, values=values):
+                sign, level = _OPERATORS[type(op)]
+                parts = [self._number(one, truth=True) for one in values]
+                texts = [part.within(level if part.level == level else EQUAL) for part in parts]
+                return Expression(f" {sign} ".join(texts), bool, level)
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                asked, left, right = self._number(test, truth=True), self._expression(body), self._expression(orelse)
+                if (kind := joined(left.kind, right.kind)) is None:
+                    both = f"{said(left.kind)} and {said(right.kind)}"
+                    raise self.refused(node, both, "let both sides be of one kind")
+                return Expression(f"{asked.within(OR)} ? {left.within(OR)} : {right.within(CHOICE)}", kind, CHOICE)
+            case ast.Tuple(elts=elements):
+                parts = [self._expression(one) for one in elements]
+                if len({part.kind for part in parts}) != 1:
+                    raise self.refused(node, "", "use a NamedTuple")
+                kind = Row(parts[0].kind, len(parts))
+                return Expression(f"({self.unit.type(kind)}){{{{{', '.join(part.text for part in parts)}}}}}", kind)
+            case ast.Call():
+                return self._call(node)
+        raise self.refused(node)
 
     def _number(self, node: ast.expr, *, truth: bool = False) -> Expression:
         """A number that is computed with; or a truth."""
@@ -294,44 +345,23 @@ class Function:
             raise self.refused(node, f"which is {said(found.kind)}", do, wanted)
         return found
 
-    def _on_constant(self, node: ast.Constant) -> Expression:
-        kind = kind_of(node.value)
-        if kind is None:
-            raise self.refused(node, "", "use numbers; an IntEnum has names for them")
-        return Expression(self.unit.value(node.value, kind), kind)
-
-    def _on_name(self, node: ast.Name) -> Expression:
-        name = node.id
-        if name in self.kinds:
-            pointer = name in self.pointers
-            text, level = ("*", UNARY) if pointer else ("", ATOM)
-            return Expression(text + identifier(name), self.kinds[name], level, self.assigned[name] < 2)
-        if name in self.assigned:
-            raise self.refused(node, "which is read before it is set", "set it first")
-        return self._global(node)
-
-    def _on_attribute(self, node: ast.Attribute) -> Expression:
-        owner = self._looked_up(node.value)
+    def _attribute(self, node: ast.Attribute) -> Expression:
+        owner, name = self._looked_up(node.value), node.attr
         if owner is not _LOCAL and not is_named(owner):
-            return self._global(node)
+            return self._global(node, "" if owner in (math, np) else getattr(owner, "__file__", ""), name)
         whole = self._expression(node.value)
-        if node.attr == "value" and is_enum(whole.kind):
+        if name == "value" and is_enum(whole.kind):
             return Expression(f"(int64_t){whole.within(UNARY)}", int, UNARY)
         kinds = dict(getattr(whole.kind, "fields", ()))
-        if node.attr not in kinds:
+        if name not in kinds:
             raise self.refused(node, "", "name a field of a NamedTuple", ", ".join(kinds))
-        return whole.field(node.attr, kinds[node.attr])
+        return whole.field(name, kinds[name])
 
-    def _global(self, node: ast.Name | ast.Attribute) -> Expression:
-        """A constant outside the function, by the name that it has there; a number of `math`, and an enum's member."""
+    def _global(self, node: ast.expr, file: str, name: str) -> Expression:
+        """A constant of a file, by the name that it has there; of no file a number of `math`, or an enum's member."""
         value = self._looked_up(node)
-        kind = kind_of(value)
-        if kind is None:
+        if (kind := kind_of(value)) is None:
             raise self.refused(node, f"which is {type(value).__name__}", "use numbers, tuples of them and kernels")
-        file, name = self.source.file, getattr(node, "id", "")
-        if isinstance(node, ast.Attribute):
-            owner, name = self._looked_up(node.value), node.attr
-            file = "" if owner in (math, np) else getattr(owner, "__file__", "")
         if is_enum(kind) or not file:
             return Expression(self.unit.value(value, kind), kind)
         return Expression(self.unit.constant(file, name, value), kind, fixed=True)
@@ -352,23 +382,7 @@ class Function:
             raise self.refused(node, "which is not defined", "correct the name")
         return found
 
-    def _on_subscript(self, node: ast.Subscript) -> Expression:
-        whole, at = self._expression(node.value), self._expression(node.slice)
-        if at.kind is not int or not isinstance(whole.kind, Row):
-            raise self.refused(node, "", "take one number of a tuple of numbers, by a whole number")
-        return Expression(f"{whole.field('at', None).text}[{at.text}]", whole.kind.of, fixed=whole.fixed)
-
-    def _on_unaryop(self, node: ast.UnaryOp) -> Expression:
-        negated = isinstance(node.op, ast.Not)
-        inner = self._number(node.operand, truth=negated)
-        if isinstance(node.op, ast.Invert) and inner.kind is float:
-            raise self.refused(node)
-        text = f"{_OPERATORS[type(node.op)][0]}{inner.operand(ATOM)}"
-        return Expression(text, bool if negated else float if inner.kind is float else int, UNARY)
-
-    def _on_binop(self, node: ast.BinOp) -> Expression:
-        if isinstance(node.op, ast.Add) and isinstance(node.left, ast.Tuple):
-            return self._shifted(node, node.left)
+    def _arithmetic(self, node: ast.BinOp) -> Expression:
         left, right = self._number(node.left), self._number(node.right)
         sign, level = _OPERATORS[type(node.op)]
         whole = float not in (left.kind, right.kind)
@@ -381,49 +395,24 @@ class Function:
         first = f"({self.unit.real}){left.operand(UNARY)}" if sign == "/" and whole else left.operand(level)
         return Expression(f"{first} {sign} {right.operand(level + 1)}", int if whole and sign != "/" else float, level)
 
-    def _shifted(self, node: ast.BinOp, new: ast.Tuple) -> Expression:
+    def _shifted(self, new: list[ast.expr], moved: ast.expr) -> Expression:
         """``(newest,) + past[:-1]``, a row that moves on by one place."""
-        match node.right:
+        match moved:
             case ast.Subscript(value=value, slice=ast.Slice() as part) if ast.unparse(part) == ":-1":
-                newest, past = [self._expression(one) for one in new.elts], self._expression(value)
+                newest, past = [self._expression(one) for one in new], self._expression(value)
                 if isinstance(past.kind, Row) and [one.kind for one in newest] == [past.kind.of]:
                     given = f"{newest[0].text}, {past.address(self.unit.type(past.kind))}"
                     return Expression(f"{self.unit.shifted(past.kind)}({given})", past.kind)
-        raise self.refused(node.right)
+        raise self.refused(moved)
 
-    def _on_compare(self, node: ast.Compare) -> Expression:
-        parts = [self._number(one) for one in (node.left, *node.comparators)]
-        found = []
-        for left, operator, right in zip(parts, node.ops, parts[1:], strict=False):
-            sign, level = _OPERATORS[type(operator)]
-            write = Expression.within if left.kind == right.kind else Expression.operand
-            found.append(Expression(f"{write(left, SUM)} {sign} {write(right, SUM)}", bool, level))
-        return found[0] if len(found) == 1 else Expression(" && ".join(one.within(EQUAL) for one in found), bool, AND)
-
-    def _on_boolop(self, node: ast.BoolOp) -> Expression:
-        sign, level = _OPERATORS[type(node.op)]
-        parts = [self._number(one, truth=True) for one in node.values]
-        texts = [part.within(level if part.level == level else EQUAL) for part in parts]
-        return Expression(f" {sign} ".join(texts), bool, level)
-
-    def _on_ifexp(self, node: ast.IfExp) -> Expression:
-        asked = self._number(node.test, truth=True)
-        left, right = self._expression(node.body), self._expression(node.orelse)
-        kind = joined(left.kind, right.kind)
-        if kind is None:
-            raise self.refused(node, f"{said(left.kind)} and {said(right.kind)}", "let both sides be of one kind")
-        return Expression(f"{asked.within(OR)} ? {left.within(OR)} : {right.within(CHOICE)}", kind, CHOICE)
-
-    def _on_tuple(self, node: ast.Tuple) -> Expression:
-        parts = [self._expression(one) for one in node.elts]
-        if len({part.kind for part in parts}) != 1:
-            raise self.refused(node, "", "use a NamedTuple")
-        kind = Row(parts[0].kind, len(parts))
-        return Expression(f"({self.unit.type(kind)}){{{{{', '.join(part.text for part in parts)}}}}}", kind)
+    def _compared(self, left: Expression, operator: ast.cmpop, right: Expression) -> Expression:
+        sign, level = _OPERATORS[type(operator)]
+        write = Expression.within if left.kind == right.kind else Expression.operand
+        return Expression(f"{write(left, SUM)} {sign} {write(right, SUM)}", bool, level)
 
     # ---- calls ----
 
-    def _on_call(self, node: ast.Call) -> Expression:
+    def _call(self, node: ast.Call) -> Expression:
         what = self._looked_up(node.func)
         if what is _LOCAL:
             anew = isinstance(node.func, ast.Attribute) and node.func.attr == "_replace"
@@ -474,7 +463,7 @@ class Function:
         for name, parameter in signature.parameters.items():
             default = kind_of(parameter.default)
             one = bound.arguments.get(name) or Expression(self.unit.literal(parameter.default, default), default)
-            kind = annotated(hints.get(name)) or one.kind
+            kind = kind_of(hint=hints.get(name)) or one.kind
             if isinstance(kind, Struct) and set(kind.fields) <= set(getattr(one.kind, "fields", ())):
                 kind = one.kind  # Python asks for fields, and not for a class
             if joined(one.kind, kind) != kind:

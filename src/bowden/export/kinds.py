@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from bowden.core.nested import is_named
-
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
 restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true false
@@ -72,34 +70,21 @@ def joined(a: Kind, b: Kind) -> Kind:
     return float if float in (a, b) else int
 
 
-def kind_of(value: Any) -> Kind:
-    """The kind of a value; None where C has none."""
-    if isinstance(value, IntEnum):
-        return type(value)
-    for kind, types in ((bool, bool | np.bool_), (int, int | np.integer), (float, float | np.floating)):
-        if isinstance(value, types):
+def kind_of(value: Any = None, hint: Any = None) -> Kind:
+    """The kind that an annotation says, or that a value has where it leaves something open; None where C has none."""
+    made = hint if isinstance(hint, type) and hint is not Any else type(value)
+    if hasattr(made, "_fields"):
+        hints = hints_of(made)
+        fields = tuple((name, kind_of(getattr(value, name, None), hints.get(name))) for name in made._fields)
+        return None if any(kind is None for _, kind in fields) else Struct(made.__name__, fields, made)
+    for kind, types in (made, IntEnum), (bool, bool | np.bool_), (int, int | np.integer), (float, float | np.floating):
+        if issubclass(made, types):
             return kind
-    if is_named(value):
-        return struct_of(type(value), {name: kind_of(inner) for name, inner in value._asdict().items()})
-    kinds = {kind_of(inner) for inner in value} if isinstance(value, tuple) else {None}
-    return Row(kinds.pop(), len(value)) if len(kinds) == 1 and None not in kinds else None
-
-
-def annotated(hint: Any) -> Kind:
-    """The kind that an annotation says; None for `Any`, and where it leaves something open."""
-    if hint in (float, int, bool) or is_enum(hint):
-        return hint
-    if isinstance(hint, type) and hasattr(hint, "_fields"):
-        return struct_of(hint, {})
-    kinds = [annotated(inner) for inner in typing.get_args(hint)] if typing.get_origin(hint) is tuple else [None]
-    return Row(kinds[0], len(kinds)) if None not in kinds and len(set(kinds)) == 1 else None
-
-
-def struct_of(made: Any, given: dict[str, Kind]) -> Kind:
-    """The kind of a NamedTuple: its annotations, and what is given where they leave it open; None where nothing is."""
-    hints = hints_of(made)
-    fields = tuple((name, annotated(hints.get(name)) or given.get(name)) for name in made._fields)
-    return None if any(kind is None for _, kind in fields) else Struct(made.__name__, fields, made)
+    said = [kind_of(hint=one) for one in typing.get_args(hint)] if typing.get_origin(hint) is tuple else []
+    for kinds in said, [kind_of(one) for one in value] if isinstance(value, tuple) else []:
+        if len(set(kinds)) == 1 and kinds[0] is not None:
+            return Row(kinds[0], len(kinds))
+    return None
 
 
 @cache

@@ -1,7 +1,6 @@
 """One pair of files of C: what is to be in it, and its types, constants and functions so far, by their names."""
 
 import inspect
-import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +17,6 @@ from bowden.export.kinds import (
     Kind,
     Row,
     Struct,
-    annotated,
     comment,
     comments,
     hints_of,
@@ -65,7 +63,7 @@ class Public:
         for name in inspect.signature(self.kernel).parameters:
             value = self.given.get(name)
             value = value.value if isinstance(value, Constant) else value
-            if (kind := kind_of(value) if name in self.given else annotated(hints.get(name))) is None:
+            if (kind := kind_of(value, hints.get(name))) is None:
                 expected, do = "numbers, and NamedTuples of numbers", "take texts and arrays out of it"
                 raise ParameterError(f"{name} is {value!r}", expected=expected, do=do)
             found[name] = kind
@@ -139,14 +137,11 @@ class Unit:
         >>> [Unit(Module("x", "", ()), single=one).number(-1e-300) for one in (False, True)]
         ['-1e-300', '-0.0f']
         """
-        if math.isnan(value):
-            return "NAN"
         with np.errstate(over="ignore", under="ignore"):
             rounded = np.float32(value) if self.single else np.float64(value)
-        if np.isinf(rounded):
-            return "INFINITY" if value > 0.0 else "-INFINITY"
-        text = str(rounded)
-        return (text if "." in text or "e" in text else f"{text}.0") + ("f" if self.single else "")
+        if not np.isfinite(rounded):
+            return str(rounded).upper().replace("INF", "INFINITY")
+        return f"{rounded!s}{'f' * self.single}"
 
     def value(self, value: Any, kind: Kind) -> str:
         """A value, as it initialises a constant."""

@@ -1,7 +1,6 @@
 """Logs and models of cables in whatever form Python has them: files, arrays, traces, what was identified before."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from bowden.core.errors import ParameterError
 from bowden.identify.cable.fit import Fit
 from bowden.identify.log.angles import SIDES, angles_of
 from bowden.identify.log.read import Layout, Log, checked_rate, prepare, read_file, read_run
-from bowden.identify.log.variables import Scheduled, of_numbers, scheduled_by
 from bowden.plants.identified import CableModel, IdentifiedCable, load_cable
 from bowden.records.trace import Trace
 
@@ -131,61 +129,3 @@ def known_cable(model: Any, logs: int) -> IdentifiedCable | None:
         expected="a model.toml, or what bowden.identify gives",
         do="identify a log first",
     )
-
-
-def variables_of(
-    given: Mapping[str, Any], files: Any, logs: Sequence[Log], known: IdentifiedCable | None
-) -> list[Scheduled]:
-    """What may schedule the model: numbers, a column's name, or what the files say.
-
-    Args:
-        given: ``load`` and ``bend``, each as the user gave it.
-        files: the logs as the user gave them.
-        logs: the same, read.
-        known: a known model, which says what schedules it.
-
-    Raises:
-        LogError: a column that is not there, or without numbers.
-        ParameterError: values that do not go with the logs.
-    """
-    found = []
-    for name, value in given.items():
-        if known is not None:
-            wanted = value is not None or f"{name}_low" in known.model().parameters
-        else:
-            wanted = len(logs) > 1 or value is not None
-        one = _variable(name, value, files, logs) if wanted else None
-        if one is not None:
-            found.append(one)
-        if one is not None and len(logs) == 1 and known is None:
-            raise ParameterError(
-                f"{argument(name)} with one log, which cannot tell what the {name} changes",
-                expected=f"several logs, or {argument('model')} with a model that is scheduled by it",
-                do=f"give the other logs too, or leave out {argument(name)}",
-            )
-    return found
-
-
-def _variable(name: str, given: Any, files: Any, logs: Sequence[Log]) -> Scheduled | None:
-    called = [one.name for one in logs]
-    if given is not None and not isinstance(given, str):
-        several = isinstance(given, Sequence) or hasattr(given, "__len__")
-        if not several and len(logs) > 1:
-            raise ParameterError(
-                f"{name} is {arguments.said(given)}",
-                expected="one number for each log, or a column's name",
-                do=f"give {name}=[…], in the logs' order",
-            )
-        values = given if several else [given]
-        return of_numbers(name, [arguments.number(one, f"{name}[{i}]") for i, one in enumerate(values)], called)
-    each = files if isinstance(files, list | tuple) else [files]
-    paths = [Path(one) for one in each if isinstance(one, str | Path)]
-    if len(paths) == len(logs):
-        return scheduled_by(name, paths, given, names=called)
-    if given is not None and given != "none":
-        raise ParameterError(
-            f"{name} is {given!r}, and not all logs are files",
-            expected="one number for each log",
-            do=f"give {name}=[…], in the logs' order",
-        )
-    return None

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import counted
 from bowden.live.gain_ramp import ASKED, IN_FORCE
-from bowden.live.mcap_layout import Event
+from bowden.live.mcap_log import Event
 from bowden.live.ring import Description
 
 WATCHED = ("mode", "reaction", "power", "source", "preflight_reason")

@@ -1,6 +1,6 @@
 """The rows of a run as live data for Foxglove, by a process of its own that reads the ring: nobody waits for it.
 
-Topics, schemas and bytes are those of the log (`live.mcap_layout`), so that a layout made for one fits the other. A
+Topics, schemas and bytes are those of the log (`live.mcap_log`), so that a layout made for one fits the other. A
 topic to which nobody has subscribed costs nothing. ``python -P -m bowden.live.foxglove_process RING PORT`` says as a
 line of JSON on standard output where it listens, and ends with its standard input. Protocol: Foxglove WebSocket, by the
 package foxglove-sdk.
@@ -81,8 +81,7 @@ def main() -> int:
     """The process."""
     import foxglove
 
-    from bowden.live.mcap_layout import Packing, declarations, topics
-    from bowden.live.mcap_log import stamps_of
+    from bowden.live.mcap_log import Packing, declarations, stamps_of, topics
     from bowden.live.ring import RingReader
 
     reader = RingReader(Path(sys.argv[1]), from_now=True)

@@ -21,13 +21,14 @@ from bowden.design.objections import reference_beyond, refuse_sources, require_j
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader
 from bowden.hardware.ports import BrakedDrive, Drive
-from bowden.live import excitation, motor_columns, row
+from bowden.live import excitation, row
 from bowden.live.admittance_live import live_pushing
 from bowden.live.brake_hold import BrakeHold
 from bowden.live.joint_estimate import LiveEstimate
 from bowden.live.preflight import Preflight, on_suit
 from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Home, Script
+from bowden.live.together import columns_of_all
 from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.plants.pushing import Pushing
 from bowden.rig.emg_run import EmgRun
@@ -88,6 +89,11 @@ class Live:
         return self.several or (self,)
 
     @property
+    def said(self) -> str:
+        """The motor in a message; empty where there is one."""
+        return f"motor {quoted(self.name)}" if self.name else ""
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Of the motors; one without a name where there is one."""
         return tuple(motor.name for motor in self.motors)
@@ -139,7 +145,7 @@ class Live:
     def columns(self) -> dict[str, str]:
         """Column → unit of the run's rows."""
         together = bool(self.several)
-        return motor_columns.of_all({motor.name: motor._columns(together=together) for motor in self.motors})
+        return columns_of_all({motor.name: motor._columns(together=together) for motor in self.motors})
 
     def _columns(self, *, together: bool) -> dict[str, str]:
         emg, pushed = self.emg is not None, self.push() is not None
@@ -359,7 +365,7 @@ def _together(rig: Rig, logged: Rig) -> Live:
     for one, kept in zip(rig.motors, logged.motors, strict=True):
         with error_context(f"motor {quoted(one.name)}"):
             found.append(_one_of(one.name, one.rig, joints[one.name], kept.rig))
-    notes = tuple(f"motor {quoted(motor.name)}: {note}" for motor in found for note in motor.notes)
+    notes = tuple(f"{motor.said}: {note}" for motor in found for note in motor.notes)
     said = tuple(_said_of(joint) for joint in rig.each_joint if joint.shared)
     return replace(found[0], several=tuple(found), whole=rig, logged=logged, notes=(*rig.remarks, *said, *notes))
 

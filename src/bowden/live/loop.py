@@ -174,8 +174,8 @@ class _Motor:
 
     @property
     def together(self) -> tuple[float, ...]:
-        """What a motor among others has besides, `motor_columns.TOGETHER`, and one that shares its joint,
-        `motor_columns.SHARED`."""
+        """What a motor among others has besides, `together.TOGETHER`, and one that shares its joint,
+        `together.SHARED`."""
         among = (self.others, self.script.outcome) if self._among else ()
         return (*among, self.neighbour) if self._shared else among
 

@@ -55,7 +55,6 @@ def _run(given: dict[str, Any]) -> int:
 def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.core.clock import MonotonicClock
     from bowden.core.errors import error_context
-    from bowden.core.toml_text import quoted
     from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.of_rig import open_drive
     from bowden.hardware.ports import serial_of
@@ -92,7 +91,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         for motor, one in zip(live.motors, parts, strict=True):
             if os.getppid() != given["operator"]:
                 raise SafetyError("the operator's process has ended before the drive was brought up", do="run it again")
-            with error_context(f"motor {quoted(motor.name)}") if motor.name else contextlib.nullcontext():
+            with error_context(motor.said):
                 drives.append(one.drive.bring_up())
                 if one.estimate is not None:
                     one.estimate.wait()

@@ -22,10 +22,9 @@ from bowden.core import arguments
 from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError, near
 from bowden.live.figures import Damage
-from bowden.live.mcap_layout import Event, Packing, topics
-from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum
-from bowden.live.motor_columns import named, view
+from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, Event, Packing, checksum, topics
 from bowden.live.ring import Description
+from bowden.live.together import named, view
 from bowden.records.trace import Trace
 
 _HEAD = 9  # of a record: opcode and length

@@ -13,8 +13,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bowden.core.errors import ParameterError, SafetyError
-from bowden.live.automatic import automatic
-from bowden.live.session import STANDS_STILL, Session
+from bowden.live.session import STANDS_STILL, Session, automatic
 from bowden.rig.families import family_of
 from bowden.safety import faults
 from bowden.safety.state import Mode, Request

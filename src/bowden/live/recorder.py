@@ -22,8 +22,7 @@ from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import BowdenError, OutputError
 from bowden.live.events import Changes
 from bowden.live.left_behind import sweep
-from bowden.live.mcap_layout import Packing, topics
-from bowden.live.mcap_log import LogFile, about
+from bowden.live.mcap_log import LogFile, Packing, about, topics
 from bowden.live.provenance import provenance
 from bowden.live.ring import Batch, Description, RecorderState, Report, RingReader
 

@@ -12,8 +12,8 @@ from bowden.cycle.torque_offset import COLUMNS as PUSH
 from bowden.hardware.emg.course import COLUMNS
 from bowden.live import gain_ramp
 from bowden.live.brake_hold import COLUMNS as BRAKE
-from bowden.live.motor_columns import SHARED, TOGETHER
 from bowden.live.ring import Description
+from bowden.live.together import SHARED, TOGETHER
 from bowden.models.drive.thermal import Thermal, ThermalState, cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import begin

@@ -6,7 +6,6 @@ no thread of its own: it would go on for an operator who can no longer stop the 
 
 import contextlib
 import json
-import math
 import os
 import queue
 import shlex
@@ -14,7 +13,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Real
 from pathlib import Path
@@ -28,7 +27,6 @@ from bowden.cycle.one_cycle import TargetSource
 from bowden.drawing import shown
 from bowden.hardware import shared_memory
 from bowden.live import child, control_block, left_behind
-from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
 from bowden.live.emg_process import EmgProcess
 from bowden.live.ended import Ended
@@ -42,15 +40,13 @@ from bowden.live.recorder import check_room
 from bowden.live.ring import CAPACITY, FOLDER, RecorderState, RingReader, Row, create
 from bowden.live.row import AT, description
 from bowden.live.session_motor import SessionMotor
-from bowden.live.stops import MotorFaults
+from bowden.live.stops import MotorFaults, remedy_of
 from bowden.live.together import OF_ALL, mode_of_all, of_all
 from bowden.records.trace import Trace
-from bowden.rig.declaration import at, items_of
 from bowden.rig.families import family_of
-from bowden.rig.rig import Rig, RigMotor
+from bowden.rig.rig import Rig
 from bowden.safety import faults
 from bowden.safety.faults import Fault
-from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Request
 
 STANDS_STILL = 5.0
@@ -75,6 +71,10 @@ _GUESSES = {
     "result": "session.outcome and session.trace()",
 }
 """Name that is guessed of a session → what to write."""
+_READINGS_WITHIN = 3.0
+"""Time that readings are given to come in before arming is given up [s]."""
+_LATE_PATIENCE = 30.0
+"""The same where nothing but the loop's lateness speaks against it, which on a shared computer comes and goes [s]."""
 _TAKEN_WITHIN = 2.0
 """A change of gains that is not in force this long after its ramp has not been taken [s]."""
 
@@ -731,6 +731,77 @@ class Session:
         self._latching.shutdown(wait=False)
 
 
+def _listed(row: Mapping[str, float], session: Session) -> str:
+    """The faults of a row with what to do, of several motors with whose they are."""
+    recorder = row.get("recorder", RecorderState.OK)
+    return "; ".join(
+        f"{f'{one.motor}: ' if one.motor else ''}{fault.meaning}: "
+        f"{remedy_of(fault, twin=session.on_twin, recorder=recorder, emg=row.get('emg.loss'))}"
+        for one in session.faults(row)
+        for fault in sorted(one.came, key=lambda fault: -fault.then)
+    )
+
+
+def automatic(session: Session, stops: int = 0) -> Iterator[bool]:
+    """Arm, run and wait for the end, one look at a time; ends when the run has ended, or does not begin.
+
+    Args:
+        session: the run.
+        stops: `ControlBlock.stops` at its beginning: after another stop nothing is armed or run.
+
+    Raises:
+        SafetyError: what speaks against arming does not go.
+    """
+    begun, passed, announced, asked = None, None, False, False
+    for request, wanted in ((Request.ARM, Mode.PREFLIGHT), (Request.RUN, Mode.RUNNING)):
+        while True:
+            row = session.last()
+            assert row is not None
+            begun = row["time"] if begun is None else begun
+            if request == Request.RUN and row["mode"] == Mode.PREFLIGHT and row["preflight"] == 0.0:
+                yield True
+                continue
+            if row["mode"] == wanted:
+                break
+            if request == Request.RUN and row["mode"] == Mode.PREFLIGHT:
+                passed = row["time"] if passed is None else passed
+                if row["faults"] and row["time"] - passed > _READINGS_WITHIN:
+                    said = f"the preflight has passed, and the run does not begin: {_listed(row, session)}"
+                    print(f"bowden: note: {said}", file=sys.stderr)
+                    return
+            if not asked and row["mode"] == Mode.LATCHED:
+                listed = _listed(row, session)
+                last = "the last run ended in a fault that has not been acknowledged"
+                what = last if session.began_latched else "the supervisor has latched a fault before this run was armed"
+                raise SafetyError(
+                    f"{what}: {listed or 'which is not known'}",
+                    do="correct the cause, and acknowledge it with k in a run without --auto",
+                )
+            if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):
+                return
+            if session.block.stops != stops:
+                return
+            waited = row["time"] - begun
+            if row["faults"] and row["mode"] == Mode.STOPPED and waited > _READINGS_WITHIN:
+                found = list(faults.of(row["faults"]))
+                listed = _listed(row, session)
+                if found == [Fault.LATE]:
+                    late = 1e3 * max(row["lateness"], row["supervisor.timers.late"])
+                    listed = f"this computer is too busy, cycles come {late:.0f} ms late: {Fault.LATE.remedy}"
+                if found != [Fault.LATE] or waited > _LATE_PATIENCE:
+                    do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
+                    raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)
+                if not announced:
+                    said = f"not armed yet, {listed}; waiting, for {_LATE_PATIENCE:g} s at most"
+                    print(f"bowden: note: {said}", file=sys.stderr)
+                announced = True
+            session.block.ask(request, stops)
+            asked = True
+            yield True
+    while (row := session.last()) is not None and row["mode"] in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):
+        yield True
+
+
 @contextlib.contextmanager
 def prepared_loop() -> Iterator["subprocess.Popen[str]"]:
     """A loop's process that waits for its rig and has imported what every run needs; it ends with the block."""
@@ -740,113 +811,3 @@ def prepared_loop() -> Iterator["subprocess.Popen[str]"]:
     finally:
         process.kill()
         child.end(process)
-
-
-@contextlib.contextmanager
-def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Rig]:
-    """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus, see `relax_twin_limits`.
-
-    Args:
-        rig: to be played.
-        measure: whether the motor moves through the excitation, in place of a law; the twin waits for a loop then that
-            this computer does not let run.
-        alone: name of the motor that the rig is, of a file with several; for how the twin is reached.
-    """
-    from bowden.hardware.buses.opening import UNIX
-    from bowden.live.twin_process import RunningTwin, running_twin
-
-    with left_behind.bus_of_this() as folder, contextlib.ExitStack() as stack:
-        file = rig.origin if Path(rig.origin).suffix else "RIG.toml"
-        buses: dict[tuple[str, str], Path] = {}
-        motors: dict[str, RigMotor] = {}
-        twins: list[RunningTwin] = []
-        for joint in rig.each_joint:
-            places = [family_of(one.rig.drive).address(one.rig.drive) for one in joint.motors]
-            channels = []
-            for one, place in zip(joint.motors, places, strict=True):
-                bus = (place.get("interface", ""), place.get("channel", one.name))
-                channels.append(buses.setdefault(bus, folder / f"{len(buses)}" if rig.motors else folder))
-                named = one.name or alone
-                options = [*(["--motor", named] if named else []), "--channel", str(channels[-1])]
-                options += [] if place.get("interface") == UNIX else ["--interface", UNIX]
-                asked = shlex.join(["bowden", "twin", file, *options])
-                print(f"bowden: note: the twin's bus is {channels[-1]}: {asked}", file=sys.stderr)
-            whole = rig.replace(motors=joint.motors, joints=(joint.settings,)) if joint.shared else joint.first
-            twin = stack.enter_context(running_twin(whole, channels[0], ["--interface", UNIX]))
-            twins.append(twin)
-            if measure:
-                twin.control.wait(PATIENCE)
-            for one in joint.motors:
-                beside = relax_twin_limits(one.rig, measure=measure)
-                wider, usual = beside.supervisor_limits, one.rig.supervisor_limits
-                allowed = ", ".join(
-                    f"{item.key} = {at(wider, item.path):.3g} (in place of {at(usual, item.path):g})"
-                    for item in items_of(Limits)
-                    if at(wider, item.path) != at(usual, item.path)
-                )
-                if allowed and not motors:
-                    print(
-                        f"bowden: note: the twin shares this computer, so it may be late: {allowed} in [limits]",
-                        file=sys.stderr,
-                    )
-                motors[one.name] = one._replace(rig=beside.on_bus(twin.channel, UNIX))
-        try:
-            yield rig.replace(motors=tuple(motors[one.name] for one in rig.motors)) if rig.motors else motors[""].rig
-        finally:
-            _tell_of_ended((twin.channel, twin.process) for twin in twins)
-
-
-def _tell_of_ended(twins: Iterable[tuple[str, "subprocess.Popen[str]"]]) -> None:
-    """That a twin ended before its run did, which the supervisor sees as a drive that is silent.
-
-    Args:
-        twins: bus and process of each.
-    """
-    for channel, process in twins:
-        if process.poll() is None:
-            continue
-        last = child.complaint(process).rpartition("\n")[2]
-        how = f"with exit code {process.returncode}{f': {last}' if last else ''}"
-        print(
-            f"bowden: note: the twin on {channel} ended before the run, {how}; begin again, with a new twin",
-            file=sys.stderr,
-        )
-
-
-def relax_twin_limits(rig: Rig, *, measure: bool = False) -> Rig:
-    """The rig with the limits of a run on a twin of the command's own.
-
-    This computer plays the drive as well. If it stalls, the twin answers late, which a drive does not; and no motor
-    moves meanwhile. So its answers may be as late as the loop itself, `lateness`, and the command may be silent for
-    `PATIENCE`. A motion to measure by, which goes on where it was after a stall, may be late as well. A limit that the
-    rig sets otherwise than by default stays.
-
-    Args:
-        rig: of the run.
-        measure: see `own_twin`.
-    """
-    given, limits, usual, cell = rig.limits, rig.supervisor_limits, Limits()._asdict(), rig.load_cell
-    late = math.floor(limits.lateness / rig.sample_time + 1e-9)
-    wider: dict[str, Any] = {
-        "reading_age": max(limits.reading_age, float(min(late, _OLDEST))),
-        "operator_age": PATIENCE,
-    }
-    if measure:
-        wider |= {"reading_age": float(_OLDEST), "lateness": 0.5 * PATIENCE}
-        wider |= {"heartbeat_age": 0.6 * PATIENCE, "clock_gap": PATIENCE}
-    changed = {
-        name: value
-        for name, value in wider.items()
-        if getattr(given, name) == usual[name] or math.isnan(getattr(given, name))
-    }
-    if cell.there and cell.silence == type(cell)().silence:
-        cell = cell._replace(silence=min(late * rig.sample_time, _SILENT))
-    return rig.replace(limits=given._replace(**changed), load_cell=cell)
-
-
-PATIENCE = 1.0
-"""How long a run on a twin of the command's own goes on without a sign of life [s]; on hardware `operator_age`."""
-_SILENT = 50e-3
-"""What the load cell's `silence` may be at most [s]."""
-_OLDEST = 50
-"""Cycles; what `reading_age` may be at most."""

@@ -15,10 +15,9 @@ from bowden.hardware.twin.control import TwinControl
 from bowden.live import drive_memory
 from bowden.live.gain_ramp import in_force
 from bowden.live.live_run import Live
-from bowden.live.motor_columns import view
 from bowden.live.row import AT
 from bowden.live.stops import onsets
-from bowden.live.together import OF_ALL
+from bowden.live.together import OF_ALL, view
 from bowden.models.drive.thermal import cold
 from bowden.rig.families import family_of
 from bowden.safety.faults import Fault

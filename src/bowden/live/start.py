@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from bowden.core.errors import OutputError, error_context
 from bowden.core.files import output_folder
-from bowden.core.toml_text import quoted
 from bowden.rig.rig import Rig
 
 if TYPE_CHECKING:
@@ -52,14 +51,15 @@ def live_session(
     from bowden.live.emg_process import EmgProcess
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
-    from bowden.live.session import Session, own_twin, prepared_loop
+    from bowden.live.session import Session, prepared_loop
+    from bowden.live.twin_process import own_twin
     from bowden.rig.families import family_of
     from bowden.sim.rig_runs import laws_of
 
     live = live_run(rig, measure=measure)
     for motor in () if twin else live.motors:  # another run's bus is refused at once; the drive claims it for good
         left_behind.await_host(partial(family_of(motor.rig.drive).claim, motor.rig.drive), tell)
-        with error_context(f"motor {quoted(motor.name)}") if motor.name else contextlib.nullcontext():
+        with error_context(motor.said):
             require_watch(motor.rig, [other.rig for other in live.motors])
         require_confirmed(motor.rig, motor.name or alone)
     with contextlib.ExitStack() as stack:
@@ -72,15 +72,14 @@ def live_session(
         found = dict[str, CheckVerdict]()
         for joint in rig.each_joint:
             verdict = CheckVerdict("holds", "") if measure else checked  # no gains take part in a measurement
-            with error_context(joint.said) if joint.said else contextlib.nullcontext():
+            with error_context(joint.said):
                 verdict = verdict or verdicts(joint, [laws_of(joint)], name, force=force)[0]
             found |= dict.fromkeys(joint.names, verdict)
             if verdict.note:
                 tell(f"{joint.said}: {verdict.note}" if joint.said else verdict.note)
         for motor in live.motors:
-            of_motor = f"motor {quoted(motor.name)}"
-            with error_context(of_motor) if motor.name else contextlib.nullcontext():
-                whose = f"{of_motor}: " if motor.name else ""
+            with error_context(motor.said):
+                whose = f"{motor.said}: " if motor.said else ""
                 if note := unseen_watch(motor.rig):
                     tell(f"{whose}{note}")
                 if motor.rig.servo_assumed and not (twin or measure):

@@ -1,6 +1,5 @@
 """`check`: does a law hold on a rig, before anything moves?"""
 
-import contextlib
 import math
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -209,7 +208,7 @@ def check(
     with reported(progress, "check") as report:
         for name, joint in joints.items():
             report(f"checking {name} {joint.first.law_name}".replace("  ", " "), len(checks) / len(joints))
-            with error_context(joint.said) if joint.said else contextlib.nullcontext():
+            with error_context(joint.said):
                 checks[name] = replace(checked(joint), cable_trust=whole.cable_trust)
                 asked = checks[name].holds and not (joint.shared or found_wrong)
                 ends = "" if not asked else foreseen(joint.first, joint.first.fitted())

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from inspect import Parameter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from bowden.core.documented import Documented
+from bowden.identify.cable.hysteresis_loop import HysteresisLoop
 from bowden.operations.support.operation import GivenProgress, Operation, Role, Switch
-from bowden.operations.support.results import Result, TrustLevel, degrees
+from bowden.operations.support.results import Result, TrustLevel, degrees, fields
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     AnyModel = str | Path | Fit | CableModel | IdentifiedCable
 
 
+Part = TypeVar("Part")
 EMPTY = Parameter.empty
 """A log is no option of the command line: it has to be given."""
 
@@ -54,33 +56,6 @@ class FittedModel(Documented):
     log."""
     test_rms_deg: float | None
     """Error of the joint on the second half, of the family fitted to the first [deg]."""
-
-
-@dataclass(frozen=True)
-class LoopOfModel(Documented):
-    """The hysteresis loop of a model."""
-
-    slope: float
-    """Of the middle half of the stroke [rad/rad]."""
-    slope_error: float | None
-    offset: float
-    """Joint angle at motor angle 0 of the line through the middle half [rad]."""
-    offset_error: float | None
-    height: float
-    """How far apart both ways are there, at the joint; below zero where the joint leads [rad]."""
-    height_error: float | None
-    rising_place: tuple[float | None, ...]
-    """Motor angles along the stroke while it rises; null where it did not pass [rad]."""
-    rising: tuple[float | None, ...]
-    """Joint angles there [rad]."""
-    rising_error: tuple[float | None, ...]
-    falling_place: tuple[float | None, ...]
-    """Motor angles while it falls [rad]."""
-    falling: tuple[float | None, ...]
-    """Joint angles there [rad]."""
-    falling_error: tuple[float | None, ...]
-    curve_error: float | None
-    """Root mean square of rising_error and falling_error [rad]."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +147,7 @@ class Identification(Result["Fit"]):
     judged_rms_deg: float | None
     """Error to expect of motion that was not seen: on the second half; of several logs on unseen loads, their offset
     known; of a known model as its file says [deg]."""
-    loop: LoopOfModel | None
+    loop: HysteresisLoop | None
     """Of the recommended model, as it runs along the log; an error is one standard deviation, null where nothing tells
     it. Null of several logs and of a known model, and where the motor has not gone both ways through the middle of its
     stroke."""
@@ -274,8 +249,9 @@ def identify(
     (1.0, -0.1)
     """
     from bowden.identify.cable.identification import identify as identify_cable
-    from bowden.identify.given_log import known_cable, logs_of, variables_of
+    from bowden.identify.given_log import known_cable, logs_of
     from bowden.identify.log.read import Layout
+    from bowden.identify.log.variables import variables_of
     from bowden.operations.support.progress import reported
 
     logs = logs_of(log, Layout(time, motor, joint, unit, counts_per_turn, spool_radius_mm, rate), name)
@@ -283,33 +259,19 @@ def identify(
     by = variables_of({"load": load, "bend": bend}, log, logs, known)
     with reported(progress, "identify") as report:
         fit = identify_cable(logs, by, known, seed=seed, progress=report)
-    models = {
-        family: FittedModel(dict(one.parameters), dict(one.uncertainty), degrees(one.train_rms), degrees(one.test_rms))
-        for family, one in fit.models.items()
-    }
-    loop, ahead, found = fit.chosen.loop, fit.forecast, fit.recalibration
+    ahead, found = fit.forecast, fit.recalibration
     return Identification(
         fit.best.name,
         tuple(fit.warnings),
         fit.samples,
-        models,
+        {family: _of(FittedModel, one) for family, one in fit.models.items()},
         degrees(fit.judged_rms),
-        None if loop is None else LoopOfModel(**loop._asdict(), curve_error=loop.curve_error),
-        None if ahead is None else ForecastOfModel(*map(degrees, ahead)),
+        fit.chosen.loop,
+        ForecastOfModel(*map(degrees, ahead)) if ahead else None,
         TrustLevel(*fit.trust),
         ScheduleVariables(fit.units.get("load"), "rad" if "bend" in fit.units else None),
         tuple(_log_of(fit, one) for one in fit.logs),
-        None
-        if found is None
-        else GainAndOffset(
-            found.gain,
-            found.gain_error,
-            degrees(found.offset),
-            degrees(found.before_rms),
-            degrees(found.after_rms),
-            degrees(found.judged_rms),
-            found.changed,
-        ),
+        _of(GainAndOffset, found) if found else None,
         fit=fit,
     )
 
@@ -317,14 +279,16 @@ def identify(
 def _log_of(fit: "Fit", one: "FittedLog") -> LogOfFit:
     cycles = one.cycles
     advice = cycles.advice if len(fit.logs) == 1 and not fit.recalibration else cycles.to_record
-    names = ("train", "test", "same", "same_offset", "unseen", "unseen_offset")
-    return LogOfFit(
-        one.name,
-        one.samples,
-        LogCycles(*cycles, advice or None),
-        **{"load": None, "bend": None} | dict(zip(fit.units, one.values, strict=True)),
-        **{f"{name}_rms_deg": degrees(getattr(one, f"{name}_rms")) for name in names},
-    )
+    at = {"load": None, "bend": None} | dict(zip(fit.units, one.values, strict=True))
+    return _of(LogOfFit, one, cycles=LogCycles(*cycles, advice or None), **at)
+
+
+def _of(kind: type[Part], source: Any, **known: Any) -> Part:
+    """Part of the document: what is known, and of all other fields what stands in the source, angles [rad] in deg."""
+    for name in {one.name for one in fields(kind)} - {*known}:
+        angle = name.removesuffix("_deg")
+        known[name] = getattr(source, name) if name == angle else degrees(getattr(source, angle))
+    return kind(**known)
 
 
 OPERATIONS = (

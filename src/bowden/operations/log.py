@@ -209,8 +209,7 @@ def _replayed(found: "Recording", law: str | None, motor: str) -> tuple[ReplayFi
     """How the replay of one motor compares, and whether it differs though the law is the one that ran."""
     from bowden.control import user_law
     from bowden.cycle.one_cycle import Filters
-    from bowden.live.log_replay import law_of, source_for
-    from bowden.live.log_rig import hash_of
+    from bowden.live.log_rig import hash_of, law_of, source_for
     from bowden.live.replay import replay as run
     from bowden.live.run_settings import recorded
     from bowden.safety.limits import Limits

@@ -312,7 +312,7 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
     Raises:
         ParameterError: no such file, not written by `write_model`, an unknown model, or an absurd parameter.
     """
-    return IdentifiedCable(file=name or str(Path(path)), **read_models(Path(path))._asdict())
+    return IdentifiedCable(file=name or str(Path(path)), **read_models(Path(path)))
 
 
 def named(

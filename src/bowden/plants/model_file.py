@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cable_parameters import LEAST_SLOPE, check_parameters
 from bowden.plants.counting import Covered, Encoders
 from bowden.plants.predicted import DISTRIBUTED, KNOWN, joint_along, whole_slope
-from bowden.plants.trust import Trust, trust_of
+from bowden.plants.trust import trust_of
 
 
 def log_lines(covered: Covered | None, encoders: Encoders) -> list[str]:
@@ -35,23 +35,8 @@ def log_lines(covered: Covered | None, encoders: Encoders) -> list[str]:
     return lines + (["", "[encoders]", *known] if known else [])
 
 
-class ReadModels(NamedTuple):
-    """Contents of a model.toml."""
-
-    best: str
-    """Name of the recommended model."""
-    models: Mapping[str, Mapping[str, float]]
-    units: Mapping[str, str]
-    """Of what schedules the recommended model."""
-    covered: Covered | None
-    trust: Trust | None
-    encoders: Encoders
-    judged: float
-    """Error of the recommended model on data that it had not seen; NaN where nothing says it [rad]."""
-
-
-def read_models(file: Path) -> ReadModels:
-    """Read all models of model.toml.
+def read_models(file: Path) -> dict[str, Any]:
+    """Read all models of model.toml, as the fields of an `IdentifiedCable` by name.
 
     Raises:
         ParameterError: no such file, not written by `write_model`, an unknown model, or an absurd parameter.
@@ -73,8 +58,8 @@ def read_models(file: Path) -> ReadModels:
     units = {one: unit for one, unit in said.items() if isinstance(unit, str) and unit}
     errors = [models[best].get(key) for key in ("judged_rms_deg", "test_rms_deg")]
     judged = next((one for one in errors if type(one) in (int, float) and 0.0 < one < math.inf), math.nan)
-    trust = trust_of(read_toml(file), file)
-    return ReadModels(best, found, units, _covered(file), trust, _encoders(file), judged / DEGREES)
+    about = {"trust": trust_of(read_toml(file), file), "covered": _covered(file), "encoders": _encoders(file)}
+    return {"best": best, "models": found, "units": units, "judged": judged / DEGREES, **about}
 
 
 def _covered(file: Path) -> Covered | None:

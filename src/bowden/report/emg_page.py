@@ -2,13 +2,13 @@
 
 from bowden.design.contractions import signal_figure, with_unit
 from bowden.identify.emg.detector_score import DetectorScore
-from bowden.identify.emg.log import EmgLog
+from bowden.identify.emg.log import EmgRecording
 from bowden.identify.emg.score import Findings, Spans
 from bowden.report.page import Page
 from bowden.sensing.envelope import PLAIN_THRESHOLD
 
 
-def emg_page(name: str, log: EmgLog, labels: Spans | None, found: Findings) -> Page:
+def emg_page(name: str, log: EmgRecording, labels: Spans | None, found: Findings) -> Page:
     """The page.
 
     Args:

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from bowden.core.units import DEGREES
 from bowden.drawing.style import COLOURS, legend, new_figure, thin, widened
-from bowden.identify.cable.drawing import PARTS, draw_loads, draw_loop, draw_residual
+from bowden.identify.cable.drawing import PARTS, POINTS, draw_loads, draw_loop, draw_residual
 from bowden.identify.cable.fit import Fit, to_record
 from bowden.identify.cable.fitted import ModelFit
-from bowden.identify.cable.loop import loop_lines
+from bowden.identify.cable.hysteresis_loop import loop_lines
 from bowden.plants.cable_parameters import in_degrees, meaning
 from bowden.report.page import Page
 
@@ -74,14 +74,14 @@ def identify_page(fit: Fit) -> Page:
         )
         page.heading("What is left")
         figure, (axes,) = new_figure(1, 1, height=2.8)
-        draw_residual(axes, fit)
+        draw_residual(axes, fit.logs[0])
         page.figure(figure, "Error of the recalibrated model over time, joint − model.")
         return page
     if several:
         _logs_table(page, fit)
         page.heading("The loop")
         figure, (axes,) = new_figure(1, 1, height=3.6)
-        draw_loads(axes, fit)
+        draw_loads(axes, fit.best.parameters, fit.units)
         page.figure(
             figure,
             "Both branches of the loop at the least, the middle and the largest load or bend of the logs, less one "
@@ -266,7 +266,7 @@ def _spread(uncertainty: float) -> str:
 def loop_figure(fit: Fit) -> "Figure":
     """Joint over motor, whole and without its straight line."""
     figure, panels = new_figure(1, 2, height=3.4, ticks=_TICKS)
-    draw_loop(panels, fit)
+    draw_loop(panels, fit.logs[0], fit.models["line"].model, fit.chosen.loop)
     return _placed(figure, wspace=0.28, bottom=0.16, top=0.88)
 
 
@@ -275,10 +275,10 @@ def _time_figure(fit: Fit) -> "Figure":
     figure, (upper, lower) = new_figure(2, 1, height=3.8, share_x=True, ticks=_TICKS)
     one, log = fit.logs[0], fit.log
     time = log.time - log.time[0]
-    upper.plot(*_few(time, log.motor * DEGREES), color=COLOURS["motor"])
+    upper.plot(*thin(time, log.motor * DEGREES, POINTS), color=COLOURS["motor"])
     upper.set_ylabel("motor [°]")
-    lower.plot(*_few(time, log.joint * DEGREES), color=PARTS["second half"], lw=4.0, label="joint")
-    lower.plot(*_few(time, one.predicted * DEGREES), color=COLOURS["model"], lw=0.9, label="model")
+    lower.plot(*thin(time, log.joint * DEGREES, POINTS), color=PARTS["second half"], lw=4.0, label="joint")
+    lower.plot(*thin(time, one.predicted * DEGREES, POINTS), color=COLOURS["model"], lw=0.9, label="model")
     lower.set(xlabel="time [s]", ylabel="joint [°]")
     legend(lower)
     for axes in (upper, lower):
@@ -289,8 +289,8 @@ def _time_figure(fit: Fit) -> "Figure":
 def _residual_figure(fit: Fit) -> "Figure":
     """Joint minus model, over time and, of the second half, over the motor's angle."""
     figure, (upper, lower) = new_figure(2, 1, height=4.2, ticks=_TICKS)
-    draw_residual(upper, fit)
     one = fit.logs[0]
+    draw_residual(upper, one)
     _shade(upper, one.log.time - one.log.time[0], fit)
     late = slice(one.split, None)
     _density(lower, one.log.motor[late] * DEGREES, (one.log.joint - one.predicted)[late] * DEGREES, upper.get_ylim())
@@ -327,10 +327,6 @@ def _placed(figure: "Figure", **room: float) -> "Figure":
     figure.set_layout_engine(None)
     figure.subplots_adjust(left=0.115, right=0.985, **room)
     return figure
-
-
-def _few(x: Array, y: Array) -> tuple[Array, Array]:
-    return thin(x, y, 1500)
 
 
 def _shade(axes: "Axes", time: Array, fit: Fit) -> None:

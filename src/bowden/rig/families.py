@@ -119,6 +119,8 @@ class DriveFamily:
     `bring_up`."""
     twin: Callable[[Any, Any, Callable[[], float], Sequence[str]], TwinProcess]
     """``twin(parameters, plant, clock, options)``: who plays the drive; the options are the command line's --object."""
+    node: Callable[[], Any]
+    """Class of the drive's twin on a bus that is there, see `hardware.twin.node.TwinNode`."""
     moved: Callable[[Any, str | None, str | None], Any]
     """``moved(parameters, channel, interface)``: the same drive on another bus, where one is given."""
     address: Callable[[Any], Mapping[str, str]]

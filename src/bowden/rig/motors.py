@@ -28,7 +28,7 @@ RESERVED = frozenset({*("cycle", "event", "law", "supervisor", "conditioned", "e
 })  # fmt: skip
 """Beginnings of columns of a log, with which a motor's columns would be mixed up."""
 _NAME = re.compile(r"(?!.{25})[a-z][a-z0-9]*(_[a-z0-9]+)*")
-"""What stays as it is where it becomes a log's topic: no _ at its end, and no two in a row (`live.mcap_layout`)."""
+"""What stays as it is where it becomes a log's topic: no _ at its end, and no two in a row (`live.mcap_log`)."""
 _KINDS: Mapping[str, Any] = {"family": DEFAULT_FAMILY, "law": Control().law, "model": None, "plant": None}
 """Keys of which another value makes another section of it → what stands for one that is left out."""
 _FIRST_KINDS: Mapping[str, str] = {"reference": "periodic_minimum_jerk", "bend": "constant"}

@@ -66,6 +66,7 @@ def run_loop(
     states: Array,
     fault: Any,
     kept: Array,
+    allowed: float,
 ) -> int:
     """One run; returns the number of cycles that it lasted.
 
@@ -85,11 +86,12 @@ def run_loop(
         delay: from a sample to the moment its command reaches the servo [cycles].
         record: to be filled: `RECORDED`, then the plant's columns.
         states: to be filled: the law's state, the reference that it was shown with what the conditioner remembers, then
-            the source's state if there is room.
+            the source's state, as far as there is room.
         fault: of a sensor; a number in a loop in which none fails.
         kept: (2, n) for the readings that a fault may look back at; without one it is not touched.
+        allowed: the run ends where the sum of its squared errors is larger [rad²].
     """
-    cycles = references.shape[1]
+    cycles, spent = references.shape[1], 0.0
     body = plant_rest(plant, initial_motor, sheath_at(sheath, 0))
     _, first = plant_observe(plant, body, normals[0])
     settings = bare_settings(gains, conditioning, source)
@@ -106,21 +108,53 @@ def run_loop(
         record[1, k] = sample.motor
         record[2, k] = command
         record[3, k] = plant_effort(plant, body, now)
-        columns = flat(plant_look(plant, body))
+        seen = plant_look(plant, body)
+        columns = flat(seen)
         for j in range(len(columns)):
             record[4 + j, k] = columns[j]
-        numbers = flat((state.law, state.conditioned))  # a number of stores that the compiler knows, without a jump
-        for j in range(len(numbers)):
-            states[j, k] = numbers[j]
-        if states.shape[0] > len(numbers):
-            asked = flat(state.source)
-            for j in range(len(asked)):
-                states[len(numbers) + j, k] = asked[j]
-        if not abs(command) < RUNAWAY:
+        if states.shape[0] > 0:
+            numbers = flat((state.law, state.conditioned))  # a number of stores that the compiler knows, without a jump
+            for j in range(len(numbers)):
+                states[j, k] = numbers[j]
+            if states.shape[0] > len(numbers):
+                asked = flat(state.source)
+                for j in range(len(asked)):
+                    states[len(numbers) + j, k] = asked[j]
+        spent += (seen.joint - reference.position) ** 2
+        if not abs(command) < RUNAWAY or spent > allowed:
             return k
         applied = record[2, k - delay] if k >= delay else initial_motor
         body = plant_advance(plant, body, applied, now, sheath_at(sheath, k + 1))
     return cycles
+
+
+class Case(NamedTuple):
+    """One plant with all that happens to it, and the laws that are set against it with the same noise."""
+
+    plant: Plant
+    laws: tuple[Law, ...]
+    reference: Trajectory
+    bend: BendPath
+    seed: int
+    """Of the sensors' noise."""
+    initial_motor: float | None = None
+    """As `simulate` takes it [rad]."""
+    fault: SensorFault | None = None
+    """Of a sensor."""
+    sources: tuple[Source, ...] = ()
+    """What makes the reference, one for each law; the table of `reference` itself where there are none."""
+
+    def source_of(self, i: int) -> Source:
+        """What makes the reference of law i."""
+        return self.sources[i] if self.sources else TABLE
+
+    def trace(self, i: int, duration: float) -> Trace:
+        """The run of law i, with its trace, for `duration` [s].
+
+        Raises:
+            ParameterError: a duration or a part of the plant that cannot be.
+        """
+        return Ready(self, duration).trace(self.laws[i], self.source_of(i))
 
 
 class Inputs(NamedTuple):
@@ -166,49 +200,111 @@ def simulate(
         ParameterError: a duration, a setting or a part of the plant that cannot be, or a user's own plant or law that
             gives no number.
     """
-    dynamics = plant.dynamics()
-    inputs = inputs_of(plant, reference, duration, bend, seed, dynamics)
-    references, fault = inputs.references, fault or SensorFault()
-    fails = fault.kind != Injected.NOTHING
-    initial = initial_angle(dynamics, initial_motor, references)
-    laws, asked = state_columns(law, source)
-    # one block: a system hands out a large piece of memory far faster than many small ones
-    rows = [*RECORDED, *dynamics.columns]
-    block = np.empty((len(rows) + len(laws) + len(asked), len(inputs.time)))
-    with dynamics.explained():
-        lasted = compiled_loop(dynamics, law, source, fails=fails)(
-            law.gains,
-            law.conditioning,
-            source.settings,
-            dynamics.plant,
-            references,
-            inputs.sheath,
-            inputs.normals,
-            initial,
-            plant.sample_time,
-            plant.delay,
-            block[: len(rows)],
-            block[len(rows) :],
-            fault if fails else 0.0,  # the type of an enum's member is sought at each call, a number's is known
-            np.empty((2, len(inputs.time) if fails else 0)),
-        )
-    if not fails:  # of a sensor that fails, no number is what it is to show
-        refuse_no_number_in(dict(zip([*rows, *laws], block, strict=False)), inputs.time, lasted, law, dynamics)
-    block[:, lasted:] = np.nan
-    if source is not TABLE:
-        references[:, lasted:] = np.nan
-    found = dict(zip([*rows, *laws, *asked], block, strict=True))
-    values = {"time": inputs.time, "reference": references[0], "reference_velocity": references[1]}
-    values |= {name: found[name] for name in ("joint", "motor", "joint_measured", "motor_measured", "command")}
-    values |= {name: found[name] for name in dynamics.columns if name not in values}
-    values |= plant.sheath_columns(found["joint"], inputs.sheath)
-    values |= {"current": found["current"]}
-    values |= {name: found[name] for name in (*laws, *asked)}
-    units = {"time": "s", "reference": "rad", "reference_velocity": "rad/s", **RECORDED, **dynamics.columns}
-    units |= {"bend": "rad", "width": "1", "slope": "rad/rad", **laws, **asked}
-    return Trace(
-        values, {name: units[name] for name in values}, settings_of(plant, law, reference, source, initial), seed
-    )
+    path = bend or constant_bend(plant.sheath.bend)
+    return Ready(Case(plant, (), reference, path, seed, initial_motor, fault), duration).trace(law, source)
+
+
+class Ready:
+    """A case with its inputs over time, for one law after the other.
+
+    Args:
+        case: whose laws are not looked at.
+        duration: of a run [s].
+        before: another one; what both share is not made again.
+
+    Raises:
+        ParameterError: a duration or setting that cannot be.
+    """
+
+    def __init__(self, case: Case, duration: float, before: "Ready | None" = None) -> None:
+        self.case, self.duration, self.dynamics, plant = case, duration, case.plant.dynamics(), case.plant
+        old = before if before is not None and (before.duration, before.dt) == (duration, plant.sample_time) else None
+        sampled = old.inputs.references if old is not None and old.case.reference is case.reference else None
+        given = plant, case.reference, duration, case.bend, case.seed, self.dynamics, sampled
+        self.inputs: Inputs = inputs_of(*given)
+        if old is not None and old.case.bend is case.bend and old.case.plant.sheath == plant.sheath:
+            self.inputs = self.inputs._replace(sheath=old.inputs.sheath)
+        self.initial = initial_angle(self.dynamics, case.initial_motor, self.inputs.references)
+        self._kept: Array | None = None if old is None else old._kept
+
+    @property
+    def dt(self) -> float:
+        """Length of a cycle [s]."""
+        return self.case.plant.sample_time
+
+    @property
+    def rows(self) -> list[str]:
+        """Names of the rows that a run records."""
+        return [*RECORDED, *self.dynamics.columns]
+
+    def scratch(self) -> Array:
+        """Memory for references and `rows`, which runs of one length share: a system takes its time to hand it out."""
+        shape = 3 + len(self.rows), len(self.inputs.time)
+        if self._kept is None or self._kept.shape != shape:
+            self._kept = np.empty(shape)
+        return self._kept
+
+    def run(
+        self, law: Law, source: Source, references: Array, block: Array, allowed: float = np.inf
+    ) -> tuple[int, dict[str, Array]]:
+        """Run a law: how many cycles it lasted, and what it recorded by `rows`.
+
+        Args:
+            law: with its gains.
+            source: of the reference.
+            references: (3, n), those of the inputs; overwritten with what the source makes of them.
+            block: to be filled, the `rows` and below them the states, if there is room (m, n).
+            allowed: the run ends where the sum of its squared errors is larger [rad²].
+
+        Raises:
+            ParameterError: a plant of the user's own that fails.
+        """
+        case, inputs, count, fault = self.case, self.inputs, len(self.rows), self.case.fault or SensorFault()
+        fails = fault.kind != Injected.NOTHING
+        with self.dynamics.explained():
+            lasted = compiled_loop(self.dynamics, law, source, fails=fails)(
+                law.gains,
+                law.conditioning,
+                source.settings,
+                self.dynamics.plant,
+                references,
+                inputs.sheath,
+                inputs.normals,
+                self.initial,
+                case.plant.sample_time,
+                case.plant.delay,
+                block[:count],
+                block[count:],
+                fault if fails else 0.0,  # the type of an enum's member is sought at each call, a number's is known
+                np.empty((2, len(inputs.time) if fails else 0)),
+                allowed,
+            )
+        return lasted, dict(zip(self.rows, block, strict=False))
+
+    def trace(self, law: Law, source: Source = TABLE) -> Trace:
+        """The trace of a law's run; see `simulate`."""
+        plant, dynamics, inputs, references = self.case.plant, self.dynamics, self.inputs, self.inputs.references.copy()
+        laws, asked = state_columns(law, source)
+        # one block: a system hands out a large piece of memory far faster than many small ones
+        names = [*self.rows, *laws, *asked]
+        block = np.empty((len(names), len(inputs.time)))
+        lasted, _ = self.run(law, source, references, block)
+        found = dict(zip(names, block, strict=True))
+        if not self.case.fault or self.case.fault.kind == Injected.NOTHING:  # else no number is what it is to show
+            refuse_no_number_in({name: found[name] for name in (*self.rows, *laws)}, inputs.time, lasted, law, dynamics)
+        block[:, lasted:] = np.nan
+        if source is not TABLE:
+            references[:, lasted:] = np.nan
+        values = {"time": inputs.time, "reference": references[0], "reference_velocity": references[1]}
+        values |= {name: found[name] for name in ("joint", "motor", "joint_measured", "motor_measured", "command")}
+        values |= {name: found[name] for name in dynamics.columns if name not in values}
+        values |= plant.sheath_columns(found["joint"], inputs.sheath)
+        values |= {"current": found["current"]}
+        values |= {name: found[name] for name in (*laws, *asked)}
+        units = {"time": "s", "reference": "rad", "reference_velocity": "rad/s", **RECORDED, **dynamics.columns}
+        units |= {"bend": "rad", "width": "1", "slope": "rad/rad", **laws, **asked}
+        settings = settings_of(plant, law, self.case.reference, source, self.initial)
+        return Trace(values, {name: units[name] for name in values}, settings, self.case.seed)
 
 
 def refuse_no_number_in(
@@ -258,13 +354,8 @@ def compiled_loop(dynamics: Dynamics, law: Law, source: Source = TABLE, *, fails
         source: of the reference.
         fails: whether a sensor may go wrong in it.
     """
-    return specialise(run_loop, f"{law.name}_{dynamics.name}", **placeholders(dynamics, law, source, fails=fails))
-
-
-def placeholders(dynamics: Dynamics, law: Law, source: Source, *, fails: bool) -> dict[str, Callable[..., Any]]:
-    """What stands for the placeholders in a loop's source; the arguments are `compiled_loop`'s."""
-    parts = {**law_and_source(law, source), **BARE, **dynamics.kernels()}
-    return parts | ({"as_it_is": faulty} if fails else {})
+    parts = {**law_and_source(law, source), **BARE, **dynamics.kernels()} | ({"as_it_is": faulty} if fails else {})
+    return specialise(run_loop, f"{law.name}_{dynamics.name}", **parts)
 
 
 def state_columns(law: Law, source: Source) -> tuple[dict[str, str], dict[str, str]]:
@@ -288,11 +379,6 @@ def check_clock(plant: Plant, duration: float) -> None:
             raise ParameterError(f"simulate: {name} is {value}", expected="a positive number in a sensible range")
 
 
-def edges_of(plant: Plant, duration: float) -> Array:
-    """The edges of a run's cycles (n + 1,) [s]."""
-    return np.arange(round(duration / plant.sample_time) + 1, dtype=np.float64) * plant.sample_time
-
-
 def inputs_of(
     plant: Plant,
     reference: Trajectory,
@@ -300,17 +386,20 @@ def inputs_of(
     bend: BendPath | None = None,
     seed: int = 0,
     dynamics: Dynamics | None = None,
+    sampled: Array | None = None,
 ) -> Inputs:
     """The reference, the sheath and the noise of a run; the arguments are those of `simulate`.
+
+    The reference is not looked at where it is `sampled` already (3, n).
 
     Raises:
         ParameterError: a duration or setting that cannot be.
     """
     check_clock(plant, duration)
-    edges = edges_of(plant, duration)
+    edges = np.arange(round(duration / plant.sample_time) + 1, dtype=np.float64) * plant.sample_time
     cycles = len(edges) - 1
-    references = np.empty((3, cycles))
-    for begin in range(0, cycles, _AT_ONCE):
+    references = np.empty((3, cycles)) if sampled is None else sampled
+    for begin in range(0, cycles if sampled is None else 0, _AT_ONCE):
         part = slice(begin, min(begin + _AT_ONCE, cycles))
         references[:, part] = reference.sample(edges[part]).T
     normals = np.empty((cycles, (dynamics or plant.dynamics()).normals))

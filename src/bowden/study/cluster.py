@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from bowden.core.errors import BowdenError, ParameterError
-from bowden.study.pack import compute, packed, table
+from bowden.study.pack import compute, packed
 from bowden.study.study import Study, software
 from bowden.study.workers import Done, Work
 
@@ -59,7 +59,7 @@ def on_cluster(study: Study, work: Work, where: str) -> Done:
             if following is not None:
                 tasks.add(following)
             task.release()
-            yield chunk, table(found)
+            yield chunk, found
 
 
 @contextlib.contextmanager

@@ -28,16 +28,10 @@ def packed(study: Study) -> bytes:
         "file": study.file.model_dump(mode="json", exclude_none=True, exclude={"vary", "known", "fault"}),
         "known": study.file.known is not None,
         "rig": study.rig.document(),
-        "laws": [_packed_law(law) for law in study.given],
+        "laws": [law if isinstance(law, str) else law.packed() for law in study.given],
         "columns": [[c.name, c.unit, c.spread.kind, list(c.spread.given)] for c in study.columns],
     }
     return json.dumps(document).encode()
-
-
-def _packed_law(law: str | LawFile) -> Any:
-    if isinstance(law, str):
-        return law
-    return law.packed()
 
 
 @lru_cache(2)
@@ -55,39 +49,19 @@ def unpacked(pack: bytes) -> Study:
             do="install it there",
         )
     file = StudyFile.model_validate(document["file"] | ({"known": {}} if document["known"] else {}))
-    given = tuple(_law(law) for law in document["laws"])
+    given = tuple(law if isinstance(law, str) else LawFile.unpacked(law) for law in document["laws"])
     laws = tuple(loaded(law) for law in given)
     columns = tuple(Column(name, unit, distribution(kind, given)) for name, unit, kind, given in document["columns"])
     return Study(Path(document["path"]), file, Rig.unpack(document["rig"]), given, laws, columns)
 
 
-def _law(packed: Any) -> str | LawFile:
-    if isinstance(packed, str):
-        return packed
-    return LawFile.unpacked(packed)
-
-
-def compute(pack: bytes, first: int, last: int) -> bytes:
-    """The rows of the runs `first` to `last` − 1 of a packed study, as an Arrow stream.
+def compute(pack: bytes, first: int, last: int) -> "pa.Table":
+    """The rows of the runs `first` to `last` − 1 of a packed study.
 
     Raises:
         ParameterError: another version of the package, or a run whose values do not fit one another.
     """
-    import pyarrow as pa
-
-    table = rows(unpacked(pack), range(first, last))
-    sink = pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, table.schema) as writer:
-        writer.write_table(table)
-    return bytes(sink.getvalue().to_pybytes())
-
-
-def table(stream: bytes) -> "pa.Table":
-    """What `compute` gave."""
-    import pyarrow as pa
-
-    with pa.ipc.open_stream(stream) as reader:
-        return reader.read_all()
+    return rows(unpacked(pack), range(first, last))
 
 
 def rows(study: Study, numbers: range) -> "pa.Table":

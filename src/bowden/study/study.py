@@ -21,7 +21,7 @@ from bowden.models.cable.sheath_path import BendPath
 from bowden.plants.bends import RandomBend
 from bowden.rig.rig import Rig
 from bowden.sim.injected import Injected, SensorFault
-from bowden.sim.many import Case
+from bowden.sim.run import Case
 from bowden.study.distributions import Distribution, Value, describe
 from bowden.study.keys import simulated, with_values
 from bowden.study.schema import KnownSection, StudyFile
@@ -168,7 +168,7 @@ class Study:
         return self.rig.suit.worn
 
     def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:
-        """The runs of these numbers, for `bowden.sim.many` and `bowden.sim.many`."""
+        """The runs of these numbers, for `bowden.sim.many`."""
         for number, drawn in runs:
             rig, laws, fault = self.run(number, drawn)
             push = rig.pushing

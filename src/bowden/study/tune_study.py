@@ -10,7 +10,8 @@ import numpy as np
 from bowden.control.law import Law
 from bowden.core.errors import ParameterError
 from bowden.core.units import DEGREES
-from bowden.sim.many import Case, Outcome, simulate_many
+from bowden.sim.many import Outcome, simulate_many
+from bowden.sim.run import Case
 from bowden.study.figures import wilson
 from bowden.study.pack import packed, unpacked
 from bowden.study.results import PlantsSpread

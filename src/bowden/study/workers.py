@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from bowden.core.errors import ParameterError
 from bowden.design.processes import starting
-from bowden.study.pack import compute, packed, rows, table
+from bowden.study.pack import compute, packed, rows
 from bowden.study.study import Study
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def in_processes(study: Study, work: Work, count: int) -> Done:
                 found, chunk = task.result(), tasks.pop(task)
                 del missing[chunk]
                 deaths = 0
-                yield chunk, table(found)
+                yield chunk, found
         except BrokenProcessPool as error:
             deaths += 1
             if deaths >= _PATIENCE:
@@ -66,7 +66,7 @@ def in_processes(study: Study, work: Work, count: int) -> Done:
             pool.shutdown(cancel_futures=True)
 
 
-def _computed(pack: bytes, first: int, last: int) -> bytes:
+def _computed(pack: bytes, first: int, last: int) -> "pa.Table":
     """`compute`, whose error another process can have: itself, or its text where it cannot be packed and unpacked."""
     try:
         return compute(pack, first, last)

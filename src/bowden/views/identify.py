@@ -58,7 +58,7 @@ def show_identify(found: Identification, call: Call) -> int:
 
 
 def _show_models(found: Identification) -> None:
-    from bowden.identify.cable.loop import loop_lines
+    from bowden.identify.cable.hysteresis_loop import loop_lines
     from bowden.plants.cable_parameters import parameter_lines
 
     fit = found.fit

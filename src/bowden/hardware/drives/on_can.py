@@ -247,6 +247,7 @@ def family(
         completed=completed,
         open=lambda given, links: _named(driver)(given, links),
         twin=twin,
+        node=lambda: _named(node),
         moved=lambda given, channel, interface: given._replace(
             channel=given.channel if channel is None else channel,
             interface=given.interface if interface is None else interface,

@@ -45,19 +45,16 @@ class LslOutlet:
         channels: their names.
         unit: of the values.
         source: its source id, by which readers find it again after it has died.
-        maker: what sends it.
 
     Raises:
         StreamError: liblsl is not there, or does not make the stream.
     """
 
-    def __init__(
-        self, name: str, rate: float, channels: Sequence[str], unit: str, source: str, maker: str = "bowden"
-    ) -> None:
+    def __init__(self, name: str, rate: float, channels: Sequence[str], unit: str, source: str) -> None:
         lsl = library()
         try:
             info = lsl.StreamInfo(name, "EMG", len(channels), rate, "double64", source)
-            info.desc().append_child_value("manufacturer", maker)
+            info.desc().append_child_value("manufacturer", "bowden")
             described = info.desc().append_child("channels")
             for channel in channels:
                 one = described.append_child("channel")

@@ -17,12 +17,11 @@ class Playback:
     Args:
         path: of the recording, as `bowden.identify.emg.log.read_channels` takes it.
         wanted: names of channels that it must have. All are played, or these alone where another one is unfit.
-        speed: times real time.
     """
 
-    def __init__(self, path: Path, wanted: Sequence[str] = (), speed: float = 1.0) -> None:
+    def __init__(self, path: Path, wanted: Sequence[str] = ()) -> None:
         self.rate, self.channels, self.unit = 0.0, tuple[str, ...](), ""
-        self._path, self._wanted, self._speed = path, tuple(wanted), speed
+        self._path, self._wanted = path, tuple(wanted)
         self._values = np.empty((0, 0))
         self._start: float | None = None
         self._played = 0
@@ -56,13 +55,13 @@ class Playback:
         """See `EmgStream.read`; the first sample was taken at the first call's `now`."""
         if self._start is None:
             self._start = now
-        paced = self.rate * self._speed
-        until = min(len(self._values), int((now - self._start) * paced + 1e-6) + 1)
+        until = min(len(self._values), int((now - self._start) * self.rate + 1e-6) + 1)
         begin, self._played = self._played, max(until, self._played)
         if self._played == len(self._values) and begin == self._played and not self._lost:
             self._lost = f"the recording {self._path.name} is over"
         return EmgChunk(
-            self._values[begin : self._played], self._start + np.arange(begin, self._played, dtype=np.float64) / paced
+            self._values[begin : self._played],
+            self._start + np.arange(begin, self._played, dtype=np.float64) / self.rate,
         )
 
     def lost(self) -> str:

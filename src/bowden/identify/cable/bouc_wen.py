@@ -49,14 +49,6 @@ class BoucWenCable:
         return fit_terms(path, near.theta, 1, 0, rough=True)
 
 
-def at_bound(path: Path, theta: Array) -> list[str]:
-    """Which of ρ, σ and n the search left at the edge of its range: there the data ask for more than it offers, and
-    the curvature of the error says nothing about how far."""
-    low, high = bounds(path.span)
-    near = np.minimum(theta - low, high - theta) < 1e-3 * (high - low)
-    return [name for name, close in zip(SEARCHED[:3], near[:3], strict=True) if close]
-
-
 def fit_terms(path: Path, start: Array, static: int, heights: int, *, rough: bool = False) -> Estimate:
     """The gradient stage from θ = `start`, with static terms to degree `static` and a loop height to `heights`."""
     fitted = path.motor[path.weight > 0]
@@ -73,14 +65,14 @@ def fit_terms(path: Path, start: Array, static: int, heights: int, *, rough: boo
         return np.concatenate([fixed, height * found[:, :1]], axis=1), by_theta[:, :, None] * height
 
     low, high = bounds(path.span)
-    found = minimise(basis, path.joint, path.weight, start, low, high, rough)
-    cable, initial, _ = cable_at(found.theta)
+    theta, linear = minimise(basis, path.joint, path.weight, start, low, high, rough)
+    cable, initial, _ = cable_at(theta)
     h = sensitivities(path.motor, initial, cable)
-    gains = np.einsum("np,p->n", height, found.linear[fixed.shape[1] :])
+    gains = np.einsum("np,p->n", height, linear[fixed.shape[1] :])
     names = ["slope", "offset"] + [f"static_{k}" for k in range(2, static + 1)]
     names += ["hysteresis_gain"] + [f"hysteresis_gain_{k}" for k in range(1, heights + 1)]
     columns = np.concatenate([fixed, height * h[:, :1]], axis=1)
-    values = dict(zip(names, map(float, found.linear), strict=True))
+    values = dict(zip(names, map(float, linear), strict=True))
     values |= dict(zip(SEARCHED, (cable.rate, cable.shape, cable.exponent, initial), strict=True))
     if static > 1 or heights > 0:
         values |= {"static_centre": centre, "static_half_range": half_range}
@@ -89,14 +81,16 @@ def fit_terms(path: Path, start: Array, static: int, heights: int, *, rough: boo
     order = [name for name in (*BoucWen._fields, "initial_h") if name in values]
     order += [name for name in values if name not in order]
     forward = 1.0 if len(path.turning) < 2 or path.turning[1] >= path.turning[0] else -1.0
+    at_edge = np.minimum(theta - low, high - theta) < 1e-3 * (high - low)
     steepness = float(slope_of_h(initial, forward, cable))
     return Estimate(
         parameters={name: values[name] for name in order},
         slopes=slopes,
-        fitted=np.einsum("np,p->n", columns, found.linear),
-        theta=found.theta,
+        fitted=np.einsum("np,p->n", columns, linear),
+        theta=theta,
+        # at an edge the data ask for more than the search offers, and the error's curvature does not say how far
         variance={"initial_h": (steepness * path.start_error) ** 2}
-        | dict.fromkeys(at_bound(path, found.theta), np.inf),
+        | {name: np.inf for name, close in zip(SEARCHED[:3], at_edge[:3], strict=True) if close},
     )
 
 
@@ -105,29 +99,19 @@ class BoucWenStatic:
 
     name = "bouc_wen_static"
 
-    def __init__(self, rich: Estimate) -> None:
-        """`rich` is the form with all terms, fitted to the same path by `richest`."""
-        self._rich = rich
+    def __init__(self, plain: Estimate) -> None:
+        """`plain` is the plain cable, fitted to the same path."""
+        self._plain = plain
 
     def fit(self, path: Path) -> Estimate:
         """See `Family.fit`."""
-        return fit_terms(path, self._rich.theta, *_choose(path, self._rich))
+        rich = fit_terms(path, self._plain.theta, *_RICHEST, rough=True)
+        errors = _judge(path, rich, _CHOICES)
+        return fit_terms(path, rich.theta, *simplest_of_the_best(errors, {choice: sum(choice) for choice in errors}))
 
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`."""
         return fit_terms(path, near.theta, *degrees_of(near.parameters), rough=True)
-
-
-def richest(path: Path, plain: Estimate) -> Estimate:
-    """The form with all its terms, roughly fitted from the plain cable's optimum."""
-    return fit_terms(path, plain.theta, *_RICHEST, rough=True)
-
-
-def _choose(path: Path, rich: Estimate) -> tuple[int, int]:
-    """The degrees that predict left-out strokes, h held."""
-    errors = _judge(path, rich, _CHOICES)
-    chosen: tuple[int, int] = simplest_of_the_best(errors, {choice: sum(choice) for choice in errors})
-    return chosen
 
 
 def _judge(path: Path, rich: Estimate, choices: list[tuple[int, int]]) -> dict[tuple[int, int], Array]:

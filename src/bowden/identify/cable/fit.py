@@ -1,27 +1,35 @@
-"""What logs say of their cable: every family's best member, the recommended one, how each log is predicted.
+"""What logs say of their cable: every family's best member, the recommended one, how each log is predicted; model.toml.
 
 What is reported of a model, and what a rig takes, was fitted again to all of the log, or of the logs; its errors are
 those of the same family fitted to first halves, since nothing is left to judge the other on.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bowden import __version__
 from bowden.core.arguments import path_of as path_of_file
 from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
 from bowden.core.guesses import answering
+from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.drawing import shown
-from bowden.identify.cable.drawing import draw_fit
-from bowden.identify.cable.fitted import Fitted
-from bowden.identify.cable.loop import loop_lines
-from bowden.identify.cable.model_text import model_text
-from bowden.plants.cable_parameters import parameter_lines, shown_value
+from bowden.identify.cable import drawing
+from bowden.identify.cable.cycles import Cycles
+from bowden.identify.cable.fitted import FittedLog, ModelFit, Recalibration
+from bowden.identify.cable.forecast import Forecast, forecast
+from bowden.identify.cable.hysteresis_loop import HysteresisLoop, loop_lines
+from bowden.identify.log.read import Log
+from bowden.plants.cable_parameters import check_parameters, meaning, parameter_lines, shown_value
 from bowden.plants.identified import CableModel
+from bowden.plants.model_file import log_lines
+from bowden.plants.trust import Trust, trust_lines
 
 if TYPE_CHECKING:
     import pathlib
@@ -30,6 +38,7 @@ if TYPE_CHECKING:
 
 _MOST_NOTES = 4
 """Of a fit, on its screen."""
+_UNJUDGED = Trust("no", ("nothing was judged",))
 
 
 @answering(
@@ -53,8 +62,67 @@ _MOST_NOTES = 4
     lambda fit, name: f"fit.best.parameters[{name!r}]" if name in fit.__dict__["best"].parameters else "",
 )
 @dataclass(frozen=True, repr=False)
-class Fit(Fitted):
+class Fit:
     """What logs say about their cable."""
+
+    models: Mapping[str, ModelFit]
+    """Of one log ``line``, ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``, ``generalised_play``;
+    of several ``scheduled`` and ``bouc_wen``; of a known model those that it had."""
+    best: CableModel
+    """The recommended model; ``best.name`` says which it is, and a rig takes it as its cable."""
+    logs: tuple[FittedLog, ...]
+    """In the order in which they were given."""
+    judged_rms: float
+    """Error to expect of motion that was not seen: on the second half; of several logs, on unseen loads where those
+    were judged, then on unseen logs, their offsets known; of a known model as its file says [rad]."""
+    warnings: tuple[str, ...]
+    """What the logs cannot show, what was mended in them, and what to record instead."""
+    trust: Trust = _UNJUDGED
+    """Whether to trust it, and why."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """What schedules the model, ``load``, ``bend`` or both, and its unit; empty where nothing says it."""
+    recalibration: Recalibration | None = None
+    """Of a known model; None where all was fitted."""
+    chosen_on_whole: bool = False
+    """True if the whole log says which family is recommended, its first half having fewer than four strokes."""
+    seconds: float = field(default=0.0, compare=False)
+    """Time that the identification took [s]."""
+
+    @property
+    def log(self) -> Log:
+        """What was fitted; of several, the first."""
+        return self.logs[0].log
+
+    @property
+    def chosen(self) -> ModelFit:
+        """The recommended model with its uncertainties and errors."""
+        return self.models[self.best.name]
+
+    @property
+    def cycles(self) -> Cycles:
+        """Whole cycles in the log, and how many more to record; of several logs, in the shortest."""
+        return min((one.cycles for one in self.logs), key=lambda one: one.whole)
+
+    @property
+    def samples(self) -> int:
+        """In all logs."""
+        return sum(one.samples for one in self.logs)
+
+    @property
+    def name(self) -> str:
+        """Of the log, or of all logs."""
+        return ", ".join(one.name for one in self.logs)
+
+    @cached_property
+    def forecast(self) -> Forecast | None:
+        """The joint's error with the recommended model as feed-forward, and without any; None of several logs and of a
+        known model."""
+        if "line" not in self.models or self.recalibration:
+            return None
+        (one,), line = self.logs, self.models["line"]
+        return forecast(
+            one.log, one.split, one.predicted, line.parameters["slope"], self.chosen.test_rms, line.test_rms
+        )
 
     def at(self, **values: float) -> CableModel:
         """The model at a load, at a bend, or both.
@@ -97,8 +165,16 @@ class Fit(Fitted):
             ParameterError: something else than axes.
         """
         found = shown.axes_for(axes, 1, self._panels, 7.0, 3.4)
-        draw_fit(found, self)
+        self._draw(found)
         return found
+
+    def _draw(self, axes: "Sequence[Axes]") -> None:
+        if self.recalibration:
+            drawing.draw_residual(axes[0], self.logs[0])
+        elif len(self.logs) > 1:
+            drawing.draw_loads(axes[0], self.best.parameters, self.units)
+        else:
+            drawing.draw_loop(axes, self.logs[0], self.models["line"].model, self.chosen.loop)
 
     @property
     def _panels(self) -> int:
@@ -112,7 +188,7 @@ class Fit(Fitted):
         from bowden.drawing.style import new_figure
 
         figure, axes = new_figure(1, self._panels, height=3.4)
-        draw_fit(axes, self)
+        self._draw(axes)
         return shown.fragment(self.title, self._rows(), figure)
 
     @property
@@ -168,3 +244,134 @@ def to_record(fit: Fit) -> list[str]:
         has = "has" if len(names) == 1 else "have"
         lines.append(f"{cycles.to_record}: {', '.join(names)} {has} {cycles.counted}")
     return lines
+
+
+def model_text(fit: Fit) -> str:
+    """The content of model.toml."""
+    best = fit.best
+    lines = [
+        f"# The cable of {one_line(fit.name)}, identified by bowden {__version__}. All angles are in radians.",
+        "# Each value is followed by its unit, one standard deviation of it where one is stated, and what it is. The",
+        "# models were fitted to all; test_rms_deg is the error on second halves of what was fitted to first halves.",
+        "",
+        "# Recommended: the simplest whose error on stretches left out of the fit is not clearly above the least.",
+        f"best = {quoted(best.name)}",
+        f"source = {quoted(one_line(fit.name))}",
+        f"samples = {fit.samples}",
+        _cycles_row(fit.cycles),
+        "warnings = [" + "".join(f"\n  {quoted(one_line(warning))}," for warning in fit.warnings) + "\n]",
+        *trust_lines(fit.trust),
+        *log_lines(best.covered, best.encoders),
+    ]
+    if found := fit.recalibration:
+        lines += [
+            "",
+            "[recalibration]  # gain and offset of a known model, fitted to this log; all else is that model's",
+            f"from = {quoted(one_line(found.source))}",
+            f"gain = {found.gain!r}",
+            f"gain_error = {found.gain_error!r}",
+            f"offset_deg = {_number(found.offset * DEGREES)}",
+        ]
+    if ahead := fit.forecast:
+        left, without, counts = (_number(value * DEGREES) for value in ahead)
+        lines += [
+            "",
+            "[forecast]  # error of the joint on a motion like the log's; the servo is taken to follow at once",
+            f"compensated_rms_deg = {left}  # with the recommended model's inverse as feed-forward",
+            f"uncompensated_rms_deg = {without}  # with a straight line's",
+            f"resolution_rms_deg = {counts}  # of both encoders' counts; 0 where the log shows none",
+        ]
+    lines += _loop_lines(fit.chosen.loop)
+    for name, fitted in fit.models.items():
+        if name not in (best.name, "bouc_wen") and not _usable(name, fitted):
+            lines += ["", f"# {name} is left out: the log does not show its parameters; no cable has what they came to"]
+            continue
+        recommended = {"judged_rms": fit.judged_rms} if name == best.name else {}
+        units = [f"{one}_unit = {quoted(unit)}" for one, unit in fit.units.items()] if recommended else []
+        lines += _model_lines(name, fitted, recommended, units)
+    for one in fit.logs if len(fit.logs) > 1 else ():
+        lines += _lines_of_log(fit, one)
+    return "\n".join(lines) + "\n"
+
+
+def _loop_lines(loop: HysteresisLoop | None) -> list[str]:
+    """The section with the recommended model's loop; empty where the log shows none."""
+    if loop is None:
+        return []
+    texts = {
+        "slope": "[rad/rad] of the middle half of the stroke",
+        "offset": "[rad] joint angle at motor angle 0 of the line through it",
+        "height": "[rad] how far apart both ways are there, at the joint",
+        "rising_place": "[rad] motor angles along the stroke while it rises",
+        "rising": "[rad] joint angles there",
+        "falling_place": "[rad] while it falls",
+        "falling": "[rad] joint angles there",
+    }
+    lines = [
+        "",
+        "[loop]  # of the recommended model over this log; _error: one standard deviation, inf where not shown",
+    ]
+    for key, value in list(vars(loop).items())[:-1]:  # the curve's error follows from the others
+        said = "[" + ", ".join(_number(one) for one in value) + "]" if isinstance(value, tuple) else _number(value)
+        lines.append(f"{key} = {said}" + (f"  # {texts[key]}" if key in texts else ""))
+    return lines
+
+
+def _usable(name: str, fitted: ModelFit) -> bool:
+    """True if a rig takes the parameters."""
+    try:
+        check_parameters(name, fitted.parameters, name)
+    except ParameterError:
+        return False
+    return True
+
+
+def _model_lines(name: str, fitted: ModelFit, judged: Mapping[str, float], units: list[str]) -> list[str]:
+    errors = {"train_rms": fitted.train_rms, "test_rms": fitted.test_rms, **judged}
+    lines = ["", f"[models.{name}]", *_error_lines(errors), *units, "", f"[models.{name}.parameters]"]
+    for key, value in fitted.parameters.items():
+        unit, text = meaning(key)
+        spread = f" {_spread(fitted.uncertainty[key])};" if fitted.uncertainty else ""
+        lines.append(f"{key} = {float(value)!r}  # [{unit}]{spread} {text}")
+    if not fitted.uncertainty:
+        return lines
+    lines += [
+        "",
+        f"[models.{name}.uncertainty]  # one standard deviation; inf: the log does not show it; not here: none stated",
+    ]
+    return lines + [f"{key} = {_number(value)}" for key, value in fitted.uncertainty.items() if not math.isnan(value)]
+
+
+def _lines_of_log(fit: Fit, one: FittedLog) -> list[str]:
+    names = ("train", "test", "same", "same_offset", "unseen", "unseen_offset")
+    return [
+        "",
+        "[[logs]]",
+        f"name = {quoted(one_line(one.name))}",
+        *(f"{name} = {value!r}" for name, value in zip(fit.units, one.values, strict=True)),
+        _cycles_row(one.cycles),
+        *_error_lines({f"{name}_rms": getattr(one, f"{name}_rms") for name in names}),
+    ]
+
+
+def _cycles_row(cycles: Cycles) -> str:
+    return f"whole_cycles = {cycles.whole}  # up and down; {cycles.to_record or 'enough'}"
+
+
+def _error_lines(given: Mapping[str, float]) -> list[str]:
+    return [f"{name}_deg = {_number(value * DEGREES)}" for name, value in given.items() if math.isfinite(value)]
+
+
+def _spread(uncertainty: float) -> str:
+    if math.isnan(uncertainty):
+        return "no deviation stated"
+    return "not identifiable from this log" if math.isinf(uncertainty) else f"± {uncertainty:.2g}"
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}"
+
+
+def one_line(text: str) -> str:
+    """The text without breaks and what cannot be printed."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())

@@ -1,9 +1,8 @@
-"""What logs say about their cable: the models fitted, how each log is predicted, and how a known model has changed."""
+"""Parts of a fit: the models fitted, how each log is predicted, and how a known model has changed."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,13 +11,11 @@ from numpy.typing import NDArray
 from bowden.core.units import DEGREES
 from bowden.drawing import shown
 from bowden.identify.cable.cycles import Cycles, drift, whole_cycles
-from bowden.identify.cable.forecast import Forecast, forecast
-from bowden.identify.cable.loop import HysteresisLoop
+from bowden.identify.cable.hysteresis_loop import HysteresisLoop
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.turns import peak_speed
 from bowden.identify.log.read import Log
 from bowden.plants.identified import CableModel
-from bowden.plants.trust import Trust
 from bowden.records.metrics import rmse
 
 Array = NDArray[np.float64]
@@ -179,70 +176,3 @@ class Recalibration:
             ("RMS before and after", f"{before}, {after}"),
             ("RMS judged before", unseen),
         ]
-
-
-_UNJUDGED = Trust("no", ("nothing was judged",))
-
-
-@dataclass(frozen=True, repr=False)
-class Fitted:
-    """What a fit holds; `bowden.identify.cable.fit.Fit` shows, draws and writes it."""
-
-    models: Mapping[str, ModelFit]
-    """Of one log ``line``, ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``, ``generalised_play``;
-    of several ``scheduled`` and ``bouc_wen``; of a known model those that it had."""
-    best: CableModel
-    """The recommended model; ``best.name`` says which it is, and a rig takes it as its cable."""
-    logs: tuple[FittedLog, ...]
-    """In the order in which they were given."""
-    judged_rms: float
-    """Error to expect of motion that was not seen: on the second half; of several logs, on unseen loads where those
-    were judged, then on unseen logs, their offsets known; of a known model as its file says [rad]."""
-    warnings: tuple[str, ...]
-    """What the logs cannot show, what was mended in them, and what to record instead."""
-    trust: Trust = _UNJUDGED
-    """Whether to trust it, and why."""
-    units: Mapping[str, str] = field(default_factory=dict)
-    """What schedules the model, ``load``, ``bend`` or both, and its unit; empty where nothing says it."""
-    recalibration: Recalibration | None = None
-    """Of a known model; None where all was fitted."""
-    chosen_on_whole: bool = False
-    """True if the whole log says which family is recommended, its first half having fewer than four strokes."""
-    seconds: float = field(default=0.0, compare=False)
-    """Time that the identification took [s]."""
-
-    @property
-    def log(self) -> Log:
-        """What was fitted; of several, the first."""
-        return self.logs[0].log
-
-    @property
-    def chosen(self) -> ModelFit:
-        """The recommended model with its uncertainties and errors."""
-        return self.models[self.best.name]
-
-    @property
-    def cycles(self) -> Cycles:
-        """Whole cycles in the log, and how many more to record; of several logs, in the shortest."""
-        return min((one.cycles for one in self.logs), key=lambda one: one.whole)
-
-    @property
-    def samples(self) -> int:
-        """In all logs."""
-        return sum(one.samples for one in self.logs)
-
-    @property
-    def name(self) -> str:
-        """Of the log, or of all logs."""
-        return ", ".join(one.name for one in self.logs)
-
-    @cached_property
-    def forecast(self) -> Forecast | None:
-        """The joint's error with the recommended model as feed-forward, and without any; None of several logs and of a
-        known model."""
-        if "line" not in self.models or self.recalibration:
-            return None
-        (one,), line = self.logs, self.models["line"]
-        return forecast(
-            one.log, one.split, one.predicted, line.parameters["slope"], self.chosen.test_rms, line.test_rms
-        )

@@ -121,7 +121,9 @@ class GeneralisedPlay:
 
     def _fit(self, path: Path, again: int) -> Estimate:
         stack = bent_stack(path, LAGS * path.span)
-        return _settled(path, stack.lag, _straight(path, stack), again)
+        straight = np.zeros(_NODES), np.full(_NODES, stack.gap)
+        cable = Branches(stack.slope, *straight, *_range(path), stack.reaches, stack.shares, 0.0, 0.0)
+        return _settled(path, stack.lag, cable, again)
 
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`; the plays stay, and so does where each is in contact.
@@ -179,11 +181,6 @@ def _range(path: Path) -> tuple[float, float]:
     """Lowest and highest motor angle that was fitted [rad]."""
     fitted = path.motor[path.weight > 0]
     return float(fitted.min()), float(fitted.max())
-
-
-def _straight(path: Path, stack: BentStack) -> Branches:
-    gaps = np.full(_NODES, stack.gap)
-    return Branches(stack.slope, np.zeros(_NODES), gaps, *_range(path), stack.reaches, stack.shares, 0.0, 0.0)
 
 
 def _settled(path: Path, lag: float, cable: Branches, again: int) -> Estimate:
@@ -336,18 +333,13 @@ def _gram(sums: Array, penalty: Array) -> Array:
     return np.asarray(of_data + penalty + ridge[..., None] * np.eye(2 * _NODES))
 
 
-def _nodes(sums: Array, penalty: Array) -> Array:
-    """The nodes (2k,) that solve a penalised Gram matrix, the joint last."""
-    return np.asarray(np.linalg.solve(_gram(sums, penalty), sums[:-1, -1]))
-
-
 def _solved(
     path: Path, columns: Array, cable: Branches, strengths: tuple[float, float]
 ) -> tuple[Branches, tuple[float, float]]:
     """The best branches of a design and the λ that they took to rise, both, with the motor."""
     sums, weight, one_seen = products(columns, path.weight), float(path.weight.sum()), _one_seen(cable)
     while max(strengths) < _STIFFEST:
-        nodes = _nodes(sums, _penalty(strengths, weight, one_seen))
+        nodes = np.asarray(np.linalg.solve(_gram(sums, _penalty(strengths, weight, one_seen)), sums[:-1, -1]))
         mean, gaps = nodes[:_NODES], nodes[_NODES:]
         steps = np.diff(mean) * (1.0 if mean[-1] >= mean[0] else -1.0)
         if (gaps >= 0.0).all() and (steps >= np.abs(np.diff(gaps))).all():

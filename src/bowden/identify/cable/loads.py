@@ -58,7 +58,7 @@ _GRID = np.geomspace(2e-3, 0.3, 14)
 _EDGE = 0.005
 """Share of the samples beyond the first knot, and beyond the last: a jerk of the motor shall not stretch the knots."""
 _STATIC_DEGREE = 8
-"""Of the static curve that each log has of its own while the plays' shares are found."""
+"""Of each log's own static curve."""
 _ROUGH = 1e-3
 """Penalty on the squared second differences of f and first differences of g, over the mean squared error [–]; between
 1e-4 and 1e-2 nothing changes but what no log passed through."""
@@ -95,8 +95,8 @@ class _Moved(NamedTuple):
     """Sample at the end of the first long stroke."""
     slope: float
     """Of the line through the log [rad/rad]."""
-    memory: Array
-    """Products of −sign(slope)·lag and joint beside a static curve of the log's own (k + 1, k + 1)."""
+    static: Array
+    """Columns of the static curve that it has of its own while the plays' shares are found (n, p)."""
 
 
 class _Frame(NamedTuple):
@@ -178,15 +178,10 @@ def _path(log: Log, nodes: int) -> Path:
 def _frame(paths: Sequence[Path]) -> _Frame:
     """Knots over the range in which the motors nearly always are."""
     low, high = (
-        float(pick([np.quantile(_counted(path), edge) for path in paths]))
+        float(pick([np.quantile(np.repeat(path.motor, path.weight.astype(np.intp)), edge) for path in paths]))
         for pick, edge in ((np.min, _EDGE), (np.max, 1.0 - _EDGE))
     )
     return _Frame(low, (high - low) / (_KNOTS - 1), _GRID * (high - low))
-
-
-def _counted(path: Path) -> Array:
-    """The motor, each node as often as it has samples."""
-    return np.repeat(path.motor, path.weight.astype(np.intp))
 
 
 def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
@@ -208,20 +203,10 @@ def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
     motor, joint = path.motor[counted], path.joint[counted]
     slope = float(np.polyfit(motor, joint, 1, w=np.sqrt(path.weight[counted]))[0])
     begin = int(np.searchsorted(log.time, path.time[np.flatnonzero(weight)[0]]))
-    moved = _Moved(log, path, weight, first, lag, middle, height, begin, slope, np.empty(0))
-    return _weighted(moved, weight, frame)
-
-
-def _weighted(one: _Moved, weight: Array, frame: _Frame) -> _Moved:
-    """A log whose nodes are weighted otherwise (n,)."""
     last = frame.first + frame.step * (_KNOTS - 1)
-    place = np.clip((2.0 * one.path.motor - frame.first - last) / (last - frame.first), -1.0, 1.0)
-    static = np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE)
-    sums = products(np.column_stack([static, -np.sign(one.slope) * one.lag, one.path.joint]), weight)
-    own = static.shape[1]
-    return one._replace(
-        weight=weight, memory=sums[own:, own:] - sums[own:, :own] @ inverse_of(sums[:own, :own]) @ sums[:own, own:]
-    )
+    place = np.clip((2.0 * path.motor - frame.first - last) / (last - frame.first), -1.0, 1.0)
+    static = np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE).astype(np.float64)
+    return _Moved(log, path, weight, first, lag, middle, height, begin, slope, static)
 
 
 def _check_alike(moved: Sequence[_Moved]) -> None:
@@ -313,8 +298,12 @@ def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledC
 
 def _shares(moved: Sequence[_Moved], frame: _Frame) -> Array:
     """ηᵢ (k,) [1/rad], by non-negative least squares; each log has a static curve of its own beside the plays."""
-    sums = np.sum([one.memory for one in moved], axis=0)
-    found = nonnegative(sums[:-1, :-1], sums[:-1, -1])
+    whole = np.zeros((len(frame.half_widths) + 1,) * 2)
+    for one in moved:
+        lags, own = -np.sign(one.slope) * one.lag, one.static.shape[1]
+        sums = products(np.column_stack([one.static, lags, one.path.joint]), one.weight)
+        whole += sums[own:, own:] - sums[own:, :own] @ inverse_of(sums[:own, :own]) @ sums[:own, own:]
+    found = nonnegative(whole[:-1, :-1], whole[:-1, -1])
     if not found.any():  # a cable without a loop: any memory will do, and g says that there is none
         found[0] = 1.0
     return np.asarray(found / (found @ frame.half_widths))
@@ -353,7 +342,7 @@ def _error(one: _Moved, cable: ScheduledCable, values: Array) -> Array:
 def _judged(
     moved: Sequence[_Moved], values: Array, names: Sequence[str], frame: _Frame, cable: ScheduledCable
 ) -> list[FittedLog]:
-    halves = _fitted([_weighted(one, np.where(one.first, one.weight, 0.0), frame) for one in moved], values, frame)
+    halves = _fitted([one._replace(weight=np.where(one.first, one.weight, 0.0)) for one in moved], values, frame)
     level = np.zeros(values.shape, dtype=np.int64)
     for v, column in enumerate(values.T):
         for number, members in enumerate(_levels(column)):

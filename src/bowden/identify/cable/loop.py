@@ -18,12 +18,12 @@ Source: *Guide to the Expression of Uncertainty in Measurement*, JCGM 100:2008, 
 Statistics 14(3), 1986, for sums over blocks.
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.units import DEGREES
+from bowden.identify.cable.hysteresis_loop import HysteresisLoop
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import inverse_of
 from bowden.identify.cable.uncertainty import effective, few, summed
@@ -38,64 +38,6 @@ _CLEAR = 0.2
 which turn within it, are still on their way from one side of the loop to the other."""
 _FEWEST_CYCLES, _FEWEST_STROKES = 3, 3
 """Cycles from which on they are compared, and strokes below which nothing says how they differ."""
-
-
-class HysteresisLoop(NamedTuple):
-    """A model's loop over the motion of its log.
-
-    Errors are single standard deviations, infinite where nothing says them.
-    """
-
-    slope: float
-    """Of the middle half of the stroke [rad/rad]."""
-    slope_error: float
-    """[rad/rad]"""
-    offset: float
-    """Joint angle at motor angle 0 of the line through the middle half [rad]."""
-    offset_error: float
-    """[rad]"""
-    height: float
-    """How far apart both ways are there on average, at the joint; below zero where the joint leads [rad]."""
-    height_error: float
-    """[rad]"""
-    rising_place: tuple[float, ...]
-    """Where the motor was on average in each twentieth of the stroke while it rose (20,); NaN where it did not pass
-    [rad]."""
-    rising: tuple[float, ...]
-    """Joint angle there (20,) [rad]."""
-    rising_error: tuple[float, ...]
-    """(20,) [rad]."""
-    falling_place: tuple[float, ...]
-    """While it fell (20,) [rad]."""
-    falling: tuple[float, ...]
-    """(20,) [rad]."""
-    falling_error: tuple[float, ...]
-    """(20,) [rad]."""
-
-    @property
-    def curve_error(self) -> float:
-        """Root mean square of the errors at all places [rad]."""
-        errors = np.array([*self.rising_error, *self.falling_error])
-        return float(np.sqrt(np.mean(errors[~np.isnan(errors)] ** 2)))
-
-
-def loop_lines(loop: HysteresisLoop) -> list[tuple[str, str]]:
-    """What is said of a loop on a screen: name and text of each figure."""
-    return [
-        ("loop's slope", _said(loop.slope, loop.slope_error, " rad/rad")),
-        ("loop's offset", _said(loop.offset * DEGREES, loop.offset_error * DEGREES, "°")),
-        ("loop's height", _said(loop.height * DEGREES, loop.height_error * DEGREES, "°")),
-        ("backlash at the motor", f"{abs(loop.height / loop.slope) * DEGREES:.4g}°: the height over the slope"),
-        ("the curve", f"as drawn,{_spread(loop.curve_error * DEGREES, '°')}"),
-    ]
-
-
-def _said(value: float, error: float, unit: str) -> str:
-    return f"{value:.4g}{_spread(error, unit)}"
-
-
-def _spread(error: float, unit: str) -> str:
-    return f" ± {error:.2g}{unit}" if np.isfinite(error) else f"{unit} (± not shown by this log)"
 
 
 def loop_of(path: Path, fitted: Array) -> HysteresisLoop | None:
@@ -130,7 +72,9 @@ def loop_of(path: Path, fitted: Array) -> HysteresisLoop | None:
     once = few(2.0) * float(np.sqrt(np.mean(known**2))) if len(known) else np.inf
     up_error, down_error = (np.where(np.isinf(one), once, one) for one in (up_error, down_error))
     height = -2.0 * step * (1.0 if slope >= 0.0 else -1.0)
-    curve = (tuple(one.tolist()) for one in (up_place, up, up_error, down_place, down, down_error))
+    curve: list[Any] = [tuple(one.tolist()) for one in (up_place, up, up_error, down_place, down, down_error)]
+    passed = np.concatenate([up_error, down_error])
+    curve.append(float(np.sqrt(np.mean(passed[~np.isnan(passed)] ** 2))))
     return HysteresisLoop(slope, errors[0], offset, errors[1], height, 2.0 * errors[2], *curve)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from bowden.core.errors import LogError
 from bowden.core.units import DEGREES
 from bowden.identify.cable import trust
-from bowden.identify.cable.bouc_wen import BoucWenCable, BoucWenStatic, richest
+from bowden.identify.cable.bouc_wen import BoucWenCable, BoucWenStatic
 from bowden.identify.cable.family import Array, Estimate, Family, Line, Progress
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import ModelFit, described
@@ -204,8 +204,8 @@ def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> Fi
     tell("bouc_wen, searched globally", 0.2)
     cable = BoucWenCable(searched, seed)
     plain = cable.fit(fine)
-    static = BoucWenStatic(richest(fine, plain))
-    families: tuple[Family, ...] = (Line(), PlayOperator(judged), cable, static, PrandtlIshlinskii(), branches)
+    others = cable, BoucWenStatic(plain), PrandtlIshlinskii(), branches
+    families: tuple[Family, ...] = (Line(), PlayOperator(judged), *others)
     known = {cable.name: plain, branches.name: free}
     estimates: dict[str, Estimate] = {}
     for family in families:

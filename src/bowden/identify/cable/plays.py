@@ -72,11 +72,11 @@ class PlayOperator:
 
     def _search(self, path: Path, start: Array) -> Estimate:
         low, high = np.array([0.0, -1.0]), np.array([0.5 * path.span, 1.0])
-        found = minimise(lambda theta: self._basis(path, theta), path.joint, path.weight, start, low, high)
-        width, side = found.theta
-        basis = self._basis(path, found.theta)[0]
+        theta, linear = minimise(lambda at: self._basis(path, at), path.joint, path.weight, start, low, high)
+        width, side = theta
+        basis = self._basis(path, theta)[0]
         z = play_sensitivities(path.motor, width, side * width)
-        offset, slope = found.linear
+        offset, slope = linear
         return Estimate(
             parameters={
                 "slope": float(slope),
@@ -90,8 +90,8 @@ class PlayOperator:
                 "offset": np.ones_like(path.motor),
                 "initial_lag": slope * z[:, 2],
             },
-            fitted=basis @ found.linear,
-            theta=found.theta,
+            fitted=basis @ linear,
+            theta=theta,
             variance={"initial_lag": path.start_error**2},
         )
 

@@ -12,7 +12,6 @@ Source: Golub and Pereyra, SIAM Journal on Numerical Analysis 10(2), 1973.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -23,18 +22,6 @@ from bowden.core.kernel import compiled, kernel
 Array = NDArray[np.float64]
 Basis = Callable[[Array], tuple[Array, Array]]
 """θ (k,) → Φ (n, p), and ∂/∂θ of its last m columns (k, n, m); the others do not depend on θ."""
-
-
-@dataclass(frozen=True)
-class Projected:
-    """A minimum."""
-
-    theta: Array
-    """θ (k,)."""
-    linear: Array
-    """c (p,)."""
-    cost: float
-    """Weighted sum of squared residuals."""
 
 
 @kernel
@@ -111,8 +98,8 @@ def reduced_problem(basis: Basis, theta: Array, joint: Array, weight: Array) -> 
 
 def minimise(
     basis: Basis, joint: Array, weight: Array, start: Array, low: Array, high: Array, rough: bool = False
-) -> Projected:
-    """The minimum nearest to `start` within bounds.
+) -> tuple[Array, Array]:
+    """θ (k,) and c (p,) of the minimum nearest to `start` within bounds.
 
     `rough` ends the search where a step improves the cost by less than 1e-4, as comparing models needs no more.
     """
@@ -140,4 +127,4 @@ def minimise(
         gtol=1e-14,
         max_nfev=15 if rough else 80,
     )
-    return Projected(found.x, problem(found.x.tobytes())[2], 2.0 * float(found.cost))
+    return found.x, problem(found.x.tobytes())[2]

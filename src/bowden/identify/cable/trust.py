@@ -8,7 +8,8 @@ import numpy as np
 
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import ENOUGH, FOR_YES
-from bowden.identify.cable.fitted import Fitted, FittedLog, ModelFit
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.fitted import FittedLog, ModelFit
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.turns import motor_noise, peak_speed, resolution
 from bowden.identify.log.read import Log
@@ -33,7 +34,7 @@ _COUNTS = 3.0
 """Errors below this many times the encoders' counts are their noise, and so is a loop below as many errors."""
 
 
-def trust(fit: Fitted, known: Trust | None = None) -> Trust:
+def trust(fit: Fit, known: Trust | None = None) -> Trust:
     """Whether to trust the recommended model: the gravest of what its logs and its fit give reason to doubt.
 
     Args:
@@ -60,7 +61,7 @@ def trust(fit: Fitted, known: Trust | None = None) -> Trust:
     return judged if judged.level == "yes" else Trust(judged.level, (*judged.reasons, said))
 
 
-def _doubts(fit: Fitted, one: FittedLog) -> list[Trust]:
+def _doubts(fit: Fit, one: FittedLog) -> list[Trust]:
     """What one of the logs, and how the model predicts it, gives reason to doubt."""
     log, loop, seen, unseen, counts = one.log, one.loop, one.train_rms, one.test_rms, _rounding(fit, one)
     alone, found = len(fit.logs) == 1, list(log.doubts)
@@ -104,7 +105,7 @@ def _doubts(fit: Fitted, one: FittedLog) -> list[Trust]:
     )
 
 
-def _rounding(fit: Fitted, one: FittedLog) -> float:
+def _rounding(fit: Fit, one: FittedLog) -> float:
     """What both encoders' counts alone make of an error at the joint [rad]."""
     ahead = fit.forecast
     return ahead.resolution if ahead else one.log.resolutions[1] / math.sqrt(12.0)
@@ -146,13 +147,26 @@ def advise(
             "do not rely on these results: check the columns, the units, and whether both were recorded on one clock; "
             "or the motion is too small for the cable's play, and a larger one is needed"
         ]
-    return [
-        *_about_motion(log, split, path, whole),
-        *_about_settling(log, fitted_from, rest_until),
-        *_about_size(log, split, path, models),
-        *_about_parameters(models[best], best),
-        *_about_the_second_half(log, split, path, models[best]),
-    ]
+    found = _about_motion(log, split, path, whole)
+    if rest_until is not None:
+        found.append(
+            f"the first {seconds_text(rest_until - log.time[0])} count less: the log begins at rest or at a turn, and "
+            "a cable that rested comes to its loop on the motor's first way through the range"
+        )
+    elif fitted_from:
+        found.append(
+            f"the first {seconds_text(log.time[fitted_from] - log.time[0])} were not fitted: the strokes after it are "
+            "predicted better without them, as after a cable that was still settling"
+        )
+    found += [*_about_size(log, split, path, models), *_about_parameters(models[best], best)]
+    low, high = float(np.min(path.turning)), float(np.max(path.turning))
+    beyond = max(low - float(log.motor[split:].min()), float(log.motor[split:].max()) - high)
+    if beyond > 0.1 * path.span:
+        found.append(
+            f"the second half goes {beyond * DEGREES:.3g}° beyond the range of the first: the models are judged where "
+            "they were not fitted"
+        )
+    return found
 
 
 def _about_motion(log: Log, split: int, path: Path, whole: int) -> list[str]:
@@ -185,20 +199,6 @@ def one_amplitude(path: Path) -> bool:
     fitted = path.stroke[path.weight > 0]
     inner = path.turning[int(fitted[0]) + 1 : -1]
     return len(inner) >= 2 and max(float(np.ptp(inner[0::2])), float(np.ptp(inner[1::2]))) < 0.1 * path.span
-
-
-def _about_settling(log: Log, fitted_from: int, rest_until: float | None) -> list[str]:
-    if rest_until is not None:
-        return [
-            f"the first {seconds_text(rest_until - log.time[0])} count less: the log begins at rest or at a turn, and "
-            "a cable that rested comes to its loop on the motor's first way through the range"
-        ]
-    if not fitted_from:
-        return []
-    return [
-        f"the first {seconds_text(log.time[fitted_from] - log.time[0])} were not fitted: the strokes after it are "
-        "predicted better without them, as after a cable that was still settling"
-    ]
 
 
 def seconds_text(time: float) -> str:
@@ -251,15 +251,3 @@ def lags(lag: tuple[float, float]) -> bool:
     """True if a lag [s] explains so much of what the model leaves that it is one."""
     seconds, share = lag
     return share > _LAG and abs(seconds) > 2e-3
-
-
-def _about_the_second_half(log: Log, split: int, path: Path, best: ModelFit) -> list[str]:
-    found = []
-    low, high = float(np.min(path.turning)), float(np.max(path.turning))
-    beyond = max(low - float(log.motor[split:].min()), float(log.motor[split:].max()) - high)
-    if beyond > 0.1 * path.span:
-        found.append(
-            f"the second half goes {beyond * DEGREES:.3g}° beyond the range of the first: the models are judged where "
-            "they were not fitted"
-        )
-    return found

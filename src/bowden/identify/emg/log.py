@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
@@ -39,28 +39,11 @@ _COARSE, _SATURATED = 16, 0.5
 
 
 @dataclass(frozen=True)
-class EmgLog:
-    """One channel of a recording that is fit to be looked at."""
-
-    values: Array
-    """In the file's unit (n,)."""
-    rate: float
-    """Samples a second [Hz]."""
-    start: float
-    """Time of the first sample [s]."""
-    channel: str
-    """Name of the column."""
-    warnings: tuple[str, ...]
-    name: str = "the recording"
-    """Of the recording, for messages."""
-
-
-@dataclass(frozen=True)
 class EmgRecording:
     """Channels of a recording, each fit to be looked at."""
 
     values: Array
-    """In the file's unit (n, channels)."""
+    """In the file's unit: of channels that were read together (n, channels), of one that was read alone (n,)."""
     rate: float
     """Samples a second and channel [Hz]."""
     start: float
@@ -70,9 +53,16 @@ class EmgRecording:
     unit: str
     """That all channels' names end in, such as ``mV``; empty where they do not."""
     warnings: tuple[str, ...]
+    name: str = "the recording"
+    """Of the recording, for messages."""
+
+    @property
+    def channel(self) -> str:
+        """Name of the first."""
+        return self.channels[0]
 
 
-def read_emg(path: Path, channel: str | None = None, rate: float | None = None) -> EmgLog:
+def read_emg(path: Path, channel: str | None = None, rate: float | None = None) -> EmgRecording:
     """Read one channel of a recording.
 
     Args:
@@ -91,10 +81,10 @@ def read_emg(path: Path, channel: str | None = None, rate: float | None = None) 
     warnings = found.warnings
     if channel is None and len(others) > 1:
         warnings = (*warnings, f"{len(others)} channels, {name!r} is taken")
-    return EmgLog(found.values[:, 0].copy(), found.rate, found.start, name, warnings, str(path))
+    return replace(found, values=found.values[:, 0].copy(), warnings=warnings, name=str(path))
 
 
-def checked_emg(values: Array, rate: float, channel: str) -> EmgLog:
+def checked_emg(values: Array, rate: float, channel: str) -> EmgRecording:
     """One channel of samples at an even rate, checked as those of a file are; see `read_emg`.
 
     Args:
@@ -113,7 +103,7 @@ def checked_emg(values: Array, rate: float, channel: str) -> EmgLog:
         place=lambda row: f"the recording, row {row + 1}",
     )
     found = _recording(table, (channel,), rate, "the recording")
-    return EmgLog(found.values[:, 0].copy(), found.rate, 0.0, channel, found.warnings)
+    return replace(found, values=found.values[:, 0].copy())
 
 
 def read_channels(path: Path, channels: Sequence[str] = (), rate: float | None = None) -> EmgRecording:

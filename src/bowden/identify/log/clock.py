@@ -198,7 +198,7 @@ def held_rows(angle: Array) -> tuple[int, int | None]:
 
     An encoder that counts repeats itself too, but goes on by one count then. One that is read more seldom than its log
     has rows goes on by many, by more than what the repeated readings dither, and by nothing else: these steps make at
-    least half of its range.
+    least half of its range, and most steps between them are a count or dither.
 
     >>> held_rows(np.repeat(np.sin(0.1 * np.arange(100.0)), 4)[1:])
     (4, 3)
@@ -211,8 +211,10 @@ def held_rows(angle: Array) -> tuple[int, int | None]:
     at = np.flatnonzero(jumps) + 1
     if len(at) < _READINGS or np.ptp(np.cumsum(np.where(jumps, moved, 0.0))) < 0.5 * np.ptp(angle):
         return 1, None
-    rows = int(np.median(np.diff(at)))
-    if rows < 2:
+    gaps = np.diff(at)
+    rows = int(np.median(gaps))
+    between = [steps[a : a + gap - 1] for a, gap in zip(at[:-1], gaps, strict=True) if gap <= 2 * rows]
+    if rows < 2 or np.median(np.concatenate(between)) > max(2.0 * dither, count):
         return 1, None
     phases = np.bincount(at % rows, minlength=rows)
     first = int(phases.argmax())

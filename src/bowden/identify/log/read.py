@@ -16,7 +16,6 @@ from bowden.core.guesses import answering
 from bowden.core.units import DEGREES
 from bowden.identify.cable import checks
 from bowden.identify.cable.turns import least_swing, resolution, reversals
-from bowden.identify.log.align import aligned
 from bowden.identify.log.angles import (
     SIDES,
     Angle,
@@ -218,6 +217,8 @@ def read_run(files: Sequence[Path], layout: Layout) -> Log | None:
     Raises:
         LogError: a file that cannot be read, or files that are not of one motion.
     """
+    from bowden.identify.log.align import aligned  # with a family of cables, which few logs need
+
     units, rate, given = layout.units, layout.rate, layout.columns(files[0])
     names = [with_angles(read_table(file)).names for file in files]
     found = [sides_in(given, one) for one in names]

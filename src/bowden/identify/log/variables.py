@@ -3,19 +3,17 @@
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from bowden.core import arguments
+from bowden.core.caller import argument
 from bowden.core.errors import LogError, ParameterError, counted
 from bowden.core.units import RADIANS
 from bowden.identify.log.columns import split_name
-from bowden.identify.log.read import read_columns
-
-BEND = "bend"
-"""The variable that is an angle."""
-NONE = "none"
-"""In place of a column's name: no such variable, whatever columns the logs have."""
+from bowden.identify.log.read import Log, read_columns
+from bowden.plants.identified import IdentifiedCable
 
 _UNITS = {"nm": "N·m", "mnm": "mN·m", "n": "N", "mn": "mN"}
 """How a load's column may end → its unit."""
@@ -42,35 +40,68 @@ class Scheduled(NamedTuple):
     """Where the values are from, for the user; empty where they were given."""
 
 
-def scheduled_by(
-    name: str, files: Sequence[Path], given: str | None, *, names: Sequence[str] | None = None
-) -> Scheduled | None:
-    """The values of a variable; None where the logs have none.
+def variables_of(
+    given: Mapping[str, Any], files: Any, logs: Sequence[Log], known: IdentifiedCable | None
+) -> list[Scheduled]:
+    """What may schedule the model: numbers, a column's name, or what the files say.
 
     Args:
-        name: ``load`` or ``bend``.
-        files: the logs.
-        given: ``0.1,0.2`` (one for each log, in their order; of a bend in degrees), a column's name, ``none``, or None
-            to look for a column of a common name.
-        names: of the logs, for messages; the files' own where they are left out.
+        given: ``load`` and ``bend``, each as the user gave it.
+        files: the logs as the user gave them.
+        logs: the same, read.
+        known: a known model, which says what schedules it.
 
     Raises:
-        LogError: a column that is not there, or in some of the logs only, or without numbers.
-        ParameterError: another number of values than of logs.
+        LogError: a column that is not there, or without numbers.
+        ParameterError: values that do not go with the logs.
     """
-    called = list(names or [file.name for file in files])
-    if given is not None:
-        if given.strip().lower() == NONE:
+    found = []
+    for name, value in given.items():
+        wanted = len(logs) > 1 if known is None else f"{name}_low" in known.model().parameters
+        one = _variable(name, value, files, [log.name for log in logs]) if wanted or value is not None else None
+        if one is not None and len(logs) == 1 and known is None:
+            raise ParameterError(
+                f"{argument(name)} with one log, which cannot tell what the {name} changes",
+                expected=f"several logs, or {argument('model')} with a model that is scheduled by it",
+                do=f"give the other logs too, or leave out {argument(name)}",
+            )
+        found += [one] if one else []
+    return found
+
+
+def _variable(name: str, given: Any, files: Any, logs: Sequence[str]) -> Scheduled | None:
+    """One of them: numbers, one for each log (of a bend as text in degrees), a column's name, ``none``, or None to look
+    for a column of a common name; None where the logs have none."""
+    if given is not None and not isinstance(given, str):
+        several = isinstance(given, Sequence) or hasattr(given, "__len__")
+        if not several and len(logs) > 1:
+            raise ParameterError(
+                f"{name} is {arguments.said(given)}",
+                expected="one number for each log, or a column's name",
+                do=f"give {name}=[…], in the logs' order",
+            )
+        values = given if several else [given]
+        return _of_numbers(name, [arguments.number(one, f"{name}[{i}]") for i, one in enumerate(values)], logs)
+    each = files if isinstance(files, list | tuple) else [files]
+    paths = [Path(one) for one in each if isinstance(one, str | Path)]
+    if given is not None and given.strip().lower() == "none":
+        return None
+    if len(paths) != len(logs):
+        if given is None:
             return None
-        values = numbers(given)
-        if values is not None:
-            return of_numbers(name, [RADIANS * one for one in values] if name == "bend" else values, called)
-    found = [_mean(file, name, given) for file in files]
+        raise ParameterError(
+            f"{name} is {given!r}, and not all logs are files",
+            expected="one number for each log",
+            do=f"give {name}=[…], in the logs' order",
+        )
+    if given is not None and (said := numbers(given)) is not None:
+        return _of_numbers(name, [RADIANS * one for one in said] if name == "bend" else said, logs)
+    found = [_mean(file, name, given) for file in paths]
     there = [one for one in found if one is not None]
     if not there:
         return None
     if len(there) < len(found):
-        without = [log for log, one in zip(called, found, strict=True) if one is None]
+        without = [log for log, one in zip(logs, found, strict=True) if one is None]
         raise LogError(
             f"{', '.join(without[:3])}{', …' if len(without) > 3 else ''} has no column for the {name}, others have "
             f"{there[0][2]!r}",
@@ -90,7 +121,7 @@ def scheduled_by(
     )
 
 
-def of_numbers(name: str, values: Sequence[float], logs: Sequence[str]) -> Scheduled:
+def _of_numbers(name: str, values: Sequence[float], logs: Sequence[str]) -> Scheduled:
     """A variable as it was given for each log; a bend in radians.
 
     Raises:
