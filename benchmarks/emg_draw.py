@@ -22,8 +22,8 @@ from scipy import signal
 from scipy.fft import next_fast_len
 from scipy.interpolate import CubicSpline
 
-from bowden.sim.emg import NOISE, Artefact, background, disturb, hum
-from emg_sources import heart, interference, modulated, motor_units, one
+from bowden.sim.emg import NOISE, background, hum
+from emg_sources import Artefact, disturb, heart, interference, modulated, motor_units, one
 
 Array = NDArray[np.float64]
 

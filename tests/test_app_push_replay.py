@@ -11,7 +11,7 @@ import pytest
 from bowden.app import main
 from bowden.control import LAWS
 from bowden.control.source import TABLE, Measurement
-from bowden.core.errors import LogError, near
+from bowden.core.errors import LogError
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import LAW, LAW_BEGINS, NOTHING_OBSERVED, Cycle, Filters, Plan, TargetSource, clamp_offset
@@ -28,7 +28,6 @@ from bowden.live.summary import push_figures
 from bowden.models.drive.thermal import cold
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
-from bowden.rig.sections import PARTS
 from live_runs import pushed_rig
 
 DT = 1e-3
@@ -87,20 +86,20 @@ def test_a_table_is_the_same_table_for_any_law() -> None:
     [
         (lambda s: s.pop("rig"), "the log has no rig, of which the wearer's push is made for another law"),
         (
-            lambda s: s["rig"]["tree"]["suit"].update(friction_mn=1),
-            "the log's rig: unknown key 'friction_mn' in [suit]; expected "
-            f"{near('friction_mn', PARTS['suit'].section.model_fields)}",
+            lambda s: s["rig"]["fields"]["suit"].update(friction_mn=1),
+            "the log's rig: the packed rig: suit.friction_mn: Extra inputs are not permitted; expected what Rig.pack "
+            "or Rig.document gave",
         ),
         (
-            lambda s: s["rig"]["tree"]["suit"].update(friction_nm=-1.0),
-            "the log's rig: suit.friction_nm is -1.0; expected a number not below 0",
+            lambda s: s["rig"]["fields"]["suit"].update(friction=-1.0),
+            "the log's rig: Rig: suit.friction is -1; expected a number at least 0 and at most 100 in N·m",
         ),
         (
-            lambda s: s["rig"]["tree"]["suit"].update(worn=False),
+            lambda s: s["rig"]["fields"]["suit"].update(worn=False),
             "the log's rig: [admittance]: [admittance] is enabled without a suit; expected suit.worn = true",
         ),
         (
-            lambda s: s["rig"]["tree"]["suit"].update(friction_nm=3.0),
+            lambda s: s["rig"]["fields"]["suit"].update(friction=3.0),
             "the log's rig computes the wearer's push in another way: its chain.friction is 3, and ran with 2.3032",
         ),
         (

@@ -112,8 +112,8 @@ def test_what_was_checked_is_what_runs(
     assert found["rig"] == log.settings["rig"]["hash"] == Rig.unpack(log.settings["rig"]).hash
     assert found["rig"] != checked, "the duration and the bus are the command's"
     assert log.settings["twin"], "else a twin's late answers would be told as the drive's"
-    rig = log.settings["rig"]["tree"]
-    assert log.settings["gains"]["feedback_gain"] == rig["control"]["gains"]["feedback_gain"] == 3.0
+    rig = log.settings["rig"]["fields"]
+    assert log.settings["gains"]["feedback_gain"] == rig["gains"]["feedback_gain"] == 3.0
     path.unlink()
     assert_replays(found["log"])
 

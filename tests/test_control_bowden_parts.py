@@ -131,6 +131,25 @@ def test_a_narrower_width_is_believed_at_once_and_a_wider_one_by_a_share(
     assert deadzone.learn_width(known, gone, late) == pytest.approx(expected)
 
 
+@given(cables, number, number, number)
+def test_a_reference_turns_where_it_will_be_behind_its_furthest_and_does_not_go_on(
+    cable: DeadzoneState, position: float, velocity: float, acceleration: float
+) -> None:
+    """Seen ahead by the delay and 2.2/(3ω); behind by more than 1 mrad and four standard deviations."""
+    now, ahead, far = Reference(position, velocity, acceleration), 2e-3 + 2.2 / (3.0 * 50.0), 1e-3 + 4.0 * GAINS.noise
+    there = position + ahead * velocity + 0.5 * ahead**2 * acceleration
+    side, furthest = deadzone.reference_turn(GAINS, cable, now)
+    behind, onward = cable.side * (cable.furthest - there), cable.side * (velocity + ahead * acceleration)
+    turns = behind > far and onward <= 0.0
+    assert side == (-cable.side if turns else cable.side)
+    assert furthest == pytest.approx(there if turns or behind < 0.0 else cable.furthest)
+    begun = deadzone.reference_turn(GAINS, cable._replace(side=0.0), now)
+    assert begun[0] == (math.copysign(1.0, there - cable.furthest) if abs(behind) > far else 0.0)
+    assert deadzone.reference_turn(GAINS, cable._replace(side=0.0, furthest=deadzone.FURTHEST), now)[0] == (
+        math.copysign(1.0, there - position) if abs(there - position) > far else 0.0
+    )
+
+
 Swing = tuple[float, int]
 """Size of a half-wave [rad] and its cycles."""
 

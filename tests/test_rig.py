@@ -194,7 +194,7 @@ def test_a_file_that_changes_after_the_check_changes_nothing(folder: Path) -> No
     assert loop.needs == live.needs
     assert loop.limits == live.limits
     assert np.array_equal(loop.table, live.table)
-    assert live.settings()["rig"]["tree"]["control"]["gains"] == {"feedback_gain": 4.0}
+    assert live.settings()["rig"]["fields"]["gains"] == {"feedback_gain": 4.0}
 
 
 def test_a_cable_that_runs_the_other_way_simulates_right_in_python_too() -> None:

@@ -22,7 +22,7 @@ from bowden.sensing.course import CourseSettings, CourseState, course_step
 from bowden.sensing.intent import Intent, IntentSettings, intent_start
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from bowden.sensing.wearer_file import MuscleCalibration
-from bowden.sim.emg import rest
+from emg_sources import rest
 
 RATE, DT = 1000.0, 0.001
 INTENT = list(COLUMNS).index("emg.intent")

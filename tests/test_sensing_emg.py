@@ -17,7 +17,8 @@ from bowden.sensing.envelope import EnvelopeSettings, envelope_start, envelope_s
 from bowden.sensing.onset import onset_rest, onset_start, onset_step, prepare_onset
 from bowden.sensing.onset_settings import DEFAULTS, OnsetSettings, of_wearer
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
-from bowden.sim.emg import NOISE, background, contractions, rest
+from bowden.sim.emg import NOISE, background, contractions
+from emg_sources import rest
 
 LONG = pytest.mark.long
 """Each further rate is compiled for."""

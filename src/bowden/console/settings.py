@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from bowden.control import LAWS, Law
-from bowden.core.arguments import said
+from bowden.core.arguments import format_value
 from bowden.core.errors import ParameterError, near
 from bowden.core.nested import said_at
 from bowden.core.quantity import Quantity, declared, meanings
@@ -246,7 +246,7 @@ def titled(names: "Iterable[str]") -> list[dict[str, str]]:
 
 def shortly(value: Any) -> str:
     """A value from the wire, short enough for a message."""
-    words = said(value)
+    words = format_value(value)
     return words if len(words) <= 60 else f"{words[:59]}…"
 
 

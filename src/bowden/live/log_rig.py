@@ -207,4 +207,5 @@ def _rig_of(document: Any) -> Rig:
     try:
         return Rig.unpack({**document, "origin": "the log's rig"})
     except BowdenError as error:
-        raise LogError(error.what, expected=error.expected, do=_WITHOUT) from error
+        what = error.what.removeprefix("the log's rig: ")
+        raise LogError(f"the log's rig: {what}", expected=error.expected, do=_WITHOUT) from error

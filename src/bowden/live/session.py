@@ -19,7 +19,7 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bowden.core.arguments import said
+from bowden.core.arguments import format_value
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError, near
 from bowden.core.guesses import answer
@@ -523,7 +523,7 @@ class Session:
     def _gain(self, name: str) -> tuple[SessionMotor, str]:
         """The motor whose gain it is, and its name there."""
         if not isinstance(name, str):
-            raise ParameterError(f"the gain's name is {said(name)}", expected="text", do="name a gain")
+            raise ParameterError(f"the gain's name is {format_value(name)}", expected="text", do="name a gain")
         if not self.live.several:
             return self.motors[0], name
         first, _, rest = name.partition(".")
@@ -531,7 +531,7 @@ class Session:
             if motor.name == first:
                 return motor, rest
         do = f"name the motor first, such as {self.motors[0].name}.{name}"
-        raise ParameterError(f"no motor has a gain {said(name)}", expected=near(first, self.live.names), do=do)
+        raise ParameterError(f"no motor has a gain {format_value(name)}", expected=near(first, self.live.names), do=do)
 
     def _require_gain(self, name: str, value: float) -> tuple[SessionMotor, str]:
         motor, own = self.require_value(name, value)
@@ -564,12 +564,12 @@ class Session:
             )
         if isinstance(value, bool) or not isinstance(value, Real):
             raise ParameterError(
-                f"gain {name} of law {law.name!r} is {said(value)}", expected="a number", do="give one"
+                f"gain {name} of law {law.name!r} is {format_value(value)}", expected="a number", do="give one"
             )
         low, high = law.limits[name]
         if not low <= value <= high:  # nor is what is no number
             raise ParameterError(
-                f"gain {name} of law {law.name!r} is {said(value)}",
+                f"gain {name} of law {law.name!r} is {format_value(value)}",
                 expected=f"a number from {low:g} to {high:g}",
                 do="correct it",
             )

@@ -172,7 +172,7 @@ def relax_twin_limits(rig: Rig, *, measure: bool = False) -> Rig:
         for name, value in wider.items()
         if getattr(given, name) == usual[name] or math.isnan(getattr(given, name))
     }
-    if cell.there and cell.silence == type(cell)().silence:
+    if cell.enabled and cell.silence == type(cell)().silence:
         cell = cell._replace(silence=min(late * rig.sample_time, _SILENT))
     return rig.replace(limits=given._replace(**changed), load_cell=cell)
 

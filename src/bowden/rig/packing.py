@@ -1,4 +1,4 @@
-"""A rig as plain bytes: its sections as a file has them, the contents of the files that these name, and its hash."""
+"""A rig as plain bytes: its fields in SI with the contents of the files that they name, and its hash."""
 
 import base64
 import contextlib
@@ -7,47 +7,40 @@ import hashlib
 import json
 import math
 import zlib
-from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
+from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from bowden import __version__
-from bowden.control import LAWS, Law, user_law
+from bowden.control import LAWS, Law
 from bowden.control.law_file import LawFile, code_of_law, packable
 from bowden.control.recorded_motion import RecordedFile, RecordedMotion
-from bowden.core.arguments import said as shown
+from bowden.core.arguments import format_value as shown
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.kernel_content import code_of
+from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.plant_file import PlantFile, as_file
 from bowden.plants.user_plant import UserPlant
-from bowden.rig.declaration import replaced
 from bowden.rig.joints import JointSettings
-from bowden.rig.sections import PARTS, REFERENCES
-from bowden.rig.settings import EmgSettings
-from bowden.rig.tree import tree_of, unnamed, values_of
-from bowden.sensing.wearer_file import MuscleCalibration
+from bowden.rig.sections import BENDS, PARTS, REFERENCES, drive_part
+from bowden.rig.tree import kind_of, tree_of, unnamed
 
-FORMAT = 2
+FORMAT = 3
 """Of the document."""
 MOST_BYTES = 32 << 20
 """A larger rig is not packed: its recorded motion is too long [bytes]."""
 _DIGITS = 12
 """Numbers that are alike in this many digits make the same hash: degrees to radians and back is not exact."""
 
-OF_MOTORS = ("motors", "independent", "joints")
-"""Fields of a rig that one without motors says nothing of."""
-
 
 def document(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a rig as JSON values; of one with motors, what these have in common.
-
-    ``tree`` is what a file says; ``files`` is what was in the files that it names; ``exact`` are numbers that no file
-    can say to the last bit, in SI.
+    """The fields of a rig as JSON values in SI, with what was in the files that they name; of one with motors, what
+    these have in common.
 
     Raises:
         ParameterError: a reference, cable or law that exists only in this process, or too much of it.
@@ -56,25 +49,16 @@ def document(values: Mapping[str, Any]) -> dict[str, Any]:
     own: dict[str, float] = {}
     if isinstance(law, Law):
         law, own = packable(law)
-    values = {**values, "law": law}
-    tree = tree_of(values, of_process=True)
-    found: dict[str, Any] = {"format": FORMAT, "software": f"bowden {__version__}", "tree": tree}
-    found["files"] = {name: text for name in _HELD if (text := _content(name, values[name])) is not None}
-    again = values_of(tree, Path("Rig"), values, whole=False)
-    found["exact"] = {
-        name: given for key in again if key in values for name, given in _rest(key, values[key], again[key])
-    }
+    said = {name: _said(name, value) for name, value in {**values, "law": law}.items() if name != "motors"}
+    found = {"format": FORMAT, "software": f"bowden {__version__}", "fields": said}
     return found | ({"own_gains": own} if own else {})
 
 
 def of_rig(rig: Any) -> dict[str, Any]:
     """See `Rig.document`."""
     found = document(rig.compared) | {"origin": rig.origin, "hash": rig.hash}
-    if not rig.motors:
-        return found
     motors = [{"name": name, "rig": of_rig(one), "joint": joint} for name, one, joint in rig.motors]
-    joints = [one._asdict() for one in rig.joints]
-    return found | {"motors": motors, "independent": rig.independent, "joints": joints}
+    return found | ({"motors": motors} if motors else {})
 
 
 def packed(found: Mapping[str, Any]) -> bytes:
@@ -93,8 +77,8 @@ def packed(found: Mapping[str, Any]) -> bytes:
     return whole
 
 
-def unpacked(pack: bytes | Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The fields of a rig from a document, or its bytes, and those of its motors as they stand there. No file is read.
+def unpacked(pack: bytes | Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a rig from a document, or its bytes; of each motor name, document and joint. No file is read.
 
     Args:
         pack: what `packed` or `document` gave.
@@ -110,25 +94,14 @@ def unpacked(pack: bytes | Mapping[str, Any]) -> tuple[dict[str, Any], dict[str,
             do="use the version of bowden that wrote it",
         )
     with _understood(found):
-        tree, files, exact = (dict(found.get(name, {})) for name in ("tree", "files", "exact"))
-        held = {name: _HELD[name](given) for name, given in files.items()}
-        held["emg"] = held.get("emg", EmgSettings())._replace(
-            **{key: tree.get("emg", {}).get(key) for key in ("source", "wearer")}
-        )
-        _refuse_absent(tree, held)
-        values = values_of(tree, Path(str(found.get("origin", "Rig"))), held, whole=False)
-        for name, given in exact.items():
-            field, *path = name.split(".")
-            values[field] = _with(values[field], path, given)
+        values = {name: _value(name, given) for name, given in found["fields"].items()}
+        values["origin"] = str(found.get("origin", "Rig"))
         if "own_gains" in found:
             law = values["law"]
             loaded = law.load() if isinstance(law, LawFile) else LAWS[law]
             values["law"] = loaded.with_gains(**found["own_gains"])
-        beside = {name: found[name] for name in OF_MOTORS if name in found}
-        if "motors" in beside:
-            beside["motors"] = [(one["name"], one["rig"], one["joint"]) for one in beside["motors"]]
-            beside["joints"] = tuple(JointSettings(**one) for one in beside["joints"])
-    return values, beside
+        values["motors"] = [(one["name"], one["rig"], one["joint"]) for one in found.get("motors", ())]
+    return values
 
 
 def own_files(found: Mapping[str, Any]) -> list[LawFile | PlantFile]:
@@ -139,8 +112,8 @@ def own_files(found: Mapping[str, Any]) -> list[LawFile | PlantFile]:
     """
     with _understood(found):
         motors = [one["rig"] for one in found.get("motors", ())]
-        files = [dict(one.get("files", {})) for one in (found, *motors)]
-        return [_HELD[name](one[name]) for one in files for name in ("law", "plant") if name in one]
+        said = [(name, one.get("fields", {}).get(name)) for one in (found, *motors) for name in ("law", "plant")]
+        return [_value(name, given) for name, given in said if isinstance(given, Mapping)]
 
 
 @contextlib.contextmanager
@@ -159,7 +132,7 @@ def _understood(found: Mapping[str, Any]) -> Iterator[None]:
         raise ParameterError(
             f"the packed rig is {shown(dict(found))}: {' '.join(why.split())}",
             expected="what Rig.pack or Rig.document gave",
-            do="pack the rig again",
+            do=_AGAIN,
         ) from None
 
 
@@ -176,31 +149,13 @@ def _read(pack: bytes) -> Mapping[str, Any]:
     return found
 
 
-def _refuse_absent(tree: Mapping[str, Any], held: Mapping[str, Any]) -> None:
-    """Refuse sections that name a file whose content is not there: this computer's own is not the one that was."""
-    cable, control, reference = (tree.get(name, {}) for name in ("cable", "control", "reference"))
-    named = {
-        "cable": cable.get("model"),
-        "plant": cable.get("plant"),
-        "law": law if isinstance(law := control.get("law"), str) and user_law.is_file(law) else None,
-        "reference": reference.get("file"),
-    }
-    for name, file in named.items():
-        if file is not None and name not in held:
-            raise ParameterError(
-                f"the packed rig names {file!r}, and what was in it is not there",
-                expected="what Rig.pack or Rig.document gave",
-                do="pack the rig again",
-            )
+# fields
 
 
-# contents of files
-
-
-def _content(name: str, value: Any) -> Any:
-    """What was in the file from which a field of a rig comes, as JSON; None of others."""
+def _said(name: str, value: Any) -> Any:
+    """A field as JSON values; with a number that is not finite as text."""
     if isinstance(value, IdentifiedCable):
-        return _CABLE.dump_python(value, mode="json")
+        return {"identified": _CABLE.dump_python(value, mode="json")}
     if isinstance(value, RecordedMotion):
         return {"said": value.said._asdict(), "time": _array(value.time), "position": _array(value.position)}
     if isinstance(value, LawFile):
@@ -208,35 +163,74 @@ def _content(name: str, value: Any) -> Any:
     if isinstance(value, UserPlant | PlantFile):
         plant = as_file(value)
         return plant.packed() | {"changed": dict(plant.changed)}
-    if isinstance(value, EmgSettings) and (value.levels or value.place or value.recording):
-        return _LEVELS.dump_python(value.levels, mode="json"), value.place, value.recording
-    return None
+    if name in _KINDS:
+        return {"kind": kind_of(value, _KINDS[name])} | _plain(value)
+    return _plain(value)
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {one.name: _plain(getattr(value, one.name)) for one in dataclasses.fields(value)}
+    if hasattr(value, "_asdict"):
+        return {name: _plain(one) for name, one in value._asdict().items()}
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _value(name: str, given: Any) -> Any:
+    """A field from what `_said` gave; no file is read.
+
+    Raises:
+        ParameterError: it is none.
+    """
+    if name == "law":
+        return LAWS[given].name if isinstance(given, str) else LawFile.unpacked(given)
+    if name == "plant":
+        return None if given is None else _plant(given)
+    if name == "reference" and "said" in given:
+        return RecordedMotion(RecordedFile(**given["said"]), _numbers(given["time"]), _numbers(given["position"]))
+    if name == "joints":
+        return tuple(_made(JointSettings, one, name) for one in given)
+    if name in _KINDS:
+        given = dict(given)
+        return _made(_KINDS[name][given.pop("kind")].kind, given, name)
+    if name == "cable":
+        return _CABLE.validate_python(given["identified"]) if "identified" in given else _made(BoucWen, given, name)
+    part = drive_part(given["family"]) if name == "drive" else PARTS.get(name)
+    return given if part is None else _made(part.kind, given, name)
+
+
+_KINDS = {"reference": REFERENCES, "bend": BENDS}
+_CABLE: TypeAdapter[IdentifiedCable] = TypeAdapter(IdentifiedCable)
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def _made(kind: type, given: Any, name: str) -> Any:
+    if not isinstance(given, Mapping):
+        raise TypeError(f"{name} is {shown(given)}")
+    try:
+        return _adapter(kind).validate_python(given)
+    except ValidationError as error:
+        first: Any = error.errors()[0]
+        place = ".".join(map(str, (name, *first["loc"])))
+        raise ParameterError(
+            f"the packed rig: {place}: {first['msg']}", expected="what Rig.pack or Rig.document gave", do=_AGAIN
+        ) from None
+
+
+_AGAIN = "pack the rig again"
 
 
 def _plant(given: Mapping[str, Any]) -> PlantFile:
     changed = tuple((key, float(value)) for key, value in given["changed"].items())
     return PlantFile.unpacked(given, changed=changed)
-
-
-def _motion(given: Mapping[str, Any]) -> RecordedMotion:
-    return RecordedMotion(RecordedFile(**given["said"]), _numbers(given["time"]), _numbers(given["position"]))
-
-
-def _emg(given: Any) -> EmgSettings:
-    levels, place, recording = given
-    return EmgSettings(levels=_LEVELS.validate_python(levels), place=str(place), recording=str(recording))
-
-
-_CABLE: TypeAdapter[IdentifiedCable] = TypeAdapter(IdentifiedCable)
-_LEVELS: TypeAdapter[MuscleCalibration | None] = TypeAdapter(MuscleCalibration | None)
-_HELD: Mapping[str, Callable[[Any], Any]] = {
-    "cable": _CABLE.validate_python,
-    "law": LawFile.unpacked,
-    "plant": _plant,
-    "reference": _motion,
-    "emg": _emg,
-}
-"""Field of a rig that may come from a file → that field from its content."""
 
 
 def _array(values: NDArray[np.float64]) -> str:
@@ -245,36 +239,6 @@ def _array(values: NDArray[np.float64]) -> str:
 
 def _numbers(text: str) -> NDArray[np.float64]:
     return np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype="<f8")
-
-
-# what a file cannot say
-
-
-def _rest(name: str, value: Any, again: Any) -> Iterator[tuple[str, Any]]:
-    """Dotted name and value of each number that a file does not say to the last bit, or has no key for."""
-    if value is again or value == again or name == "gains":
-        return
-    if hasattr(value, "_fields") and type(value) is type(again):
-        fields = value._fields
-    elif dataclasses.is_dataclass(value) and type(value) is type(again):
-        fields = tuple(one.name for one in dataclasses.fields(value))
-    elif not (value != value and again != again):  # NaN
-        yield name, str(value) if isinstance(value, float) and not math.isfinite(value) else value
-        return
-    else:
-        return
-    for field in fields:
-        yield from _rest(f"{name}.{field}", getattr(value, field), getattr(again, field))
-
-
-def _with(value: Any, path: list[str], given: Any) -> Any:
-    """A value with one that `_rest` gave."""
-    given = tuple(given) if isinstance(given, list) else float(given) if isinstance(given, str) else given
-    if not path:
-        return given
-    if hasattr(value, "_fields"):
-        return replaced(value, tuple(path), given)
-    return dataclasses.replace(value, **{path[0]: given})
 
 
 # the hash

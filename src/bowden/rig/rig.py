@@ -479,11 +479,9 @@ class Rig(Plotted, metaclass=Answering):
         Raises:
             ParameterError: it is none, or of another version.
         """
-        values, beside = resolve("rig.packing:unpacked")(pack)
-        if "motors" in beside:
-            motors = (RigMotor(name, cls.unpack(document), joint) for name, document, joint in beside["motors"])
-            values |= {"motors": tuple(motors), "independent": beside["independent"], "joints": beside["joints"]}
-        return cls(**values)
+        values = resolve("rig.packing:unpacked")(pack)
+        motors = (RigMotor(name, cls.unpack(document), joint) for name, document, joint in values["motors"])
+        return cls(**{**values, "motors": tuple(motors)})
 
     def __repr__(self) -> str:
         given = [

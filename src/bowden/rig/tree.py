@@ -231,11 +231,19 @@ def _refuse_unnamed(value: Any, default: Any, name: str) -> None:
 
 def _tagged(value: Any, kinds: Mapping[str, Any]) -> dict[str, Any]:
     """A section that may be one of several kinds."""
-    if isinstance(value, RecordedMotion):
-        value = value.said
+    value = value.said if isinstance(value, RecordedMotion) else value
+    return {"kind": kind_of(value, kinds)} | section_tree(value)
+
+
+def kind_of(value: Any, kinds: Mapping[str, Any]) -> str:
+    """Name of a value's kind.
+
+    Raises:
+        ParameterError: a rig.toml has none for it.
+    """
     for tag, part in kinds.items():
         if type(value) is part.kind:
-            return {"kind": tag} | section_tree(value)
+            return tag
     raise ParameterError(
         f"a rig.toml cannot express {article(type(value).__name__)}",
         expected=f"one of {', '.join(part.kind.__name__ for part in kinds.values())}",
