@@ -20,6 +20,7 @@ from bowden.hardware.ports import Power
 from bowden.hardware.twin.of_rig import twin_plant_of
 from bowden.rig.families import family_named, names
 from bowden.rig.rig import Rig
+from live_runs import SHARED, assert_replays, finished_well
 from support.memory_bus import DriverLoop, asking
 
 DRIVE = DriveParameters(answer_timeout=0.05)
@@ -151,6 +152,20 @@ def test_the_rig_that_init_writes_for_a_family_is_brought_up(family: str, tmp_pa
     rig = tmp_path / "rig.toml"
     rig.write_text(tomlkit.dumps(example_of(family)), encoding="utf-8")
     assert DriverLoop(Rig.read(rig).drive_parameters).drive.bring_up()
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("family", sorted({*names()} - {"cia402"}))
+def test_a_run_against_the_twin_of_each_family_ends_as_asked_and_replays(family: str, tmp_path: Path) -> None:
+    rig, tree = tmp_path / "rig.toml", example_of(family)
+    tree["scenario"] = {"duration_s": 3.0}
+    slow = "bench" in tree  # in whose cycles an age is short
+    shared = {key: value for key, value in tomlkit.parse(SHARED).items() if not (slow and key == "reading_age")}
+    tree.setdefault("limits", {}).update(shared)
+    rig.write_text(tomlkit.dumps(tree), encoding="utf-8")
+    found = finished_well(rig, tmp_path, "--twin")
+    assert found["cycles"] > 300
+    assert_replays(found["log"])
 
 
 @pytest.mark.parametrize(("family", "own"), [(name, own) for name in NARROW for own in NARROW[name]], ids=str)

@@ -18,7 +18,6 @@ from bowden.hardware.drives.odrive_frames import ERRORS, UNTOLD, Cmd, Scales, Ta
 from bowden.hardware.drives.scale import motor_limits
 from bowden.hardware.ports import Power
 from bowden.rig.rig import Rig
-from live_runs import SHARED, assert_replays, finished_well
 from support.memory_bus import DriverLoop, asking
 
 RIG = Rig(drive=OdriveParameters())
@@ -124,12 +123,3 @@ def test_a_target_never_asks_for_more_speed_or_torque_than_the_rig() -> None:
         assert abs(target.velocity) <= limits.speed
         assert abs(target.torque) <= 0.1 / drive.needs.gear + 1e-12
     assert target_of(drive, limits, 0.1, math.nan, math.nan)[1:] == (0.0, 0.0)
-
-
-@pytest.mark.live
-def test_a_run_against_its_twin_ends_as_asked_and_replays(tmp_path: Path) -> None:
-    path = tmp_path / "rig.toml"
-    path.write_text(f'[scenario]\nduration_s = 3.0\n[limits]\n{SHARED}[drive]\nfamily = "odrive"\n')
-    found = finished_well(path, tmp_path, "--twin")
-    assert found["cycles"] > 2000
-    assert_replays(found["log"])

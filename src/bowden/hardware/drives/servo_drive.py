@@ -59,14 +59,15 @@ class ServoDialogue:
         self.name = f"servo {number}"
         self.bus.name = self.name
 
-    def _ask(self, data: bytes, length: int, tries: int = TRIES) -> bytes | None:
-        """What follows the error in the servo's answer, of so many bytes."""
+    def _ask(self, data: bytes, length: int, to: int | None = None) -> bytes | None:
+        """What follows the error in the servo's answer, of so many bytes, to a question to it or to a number."""
 
         def answered(identifier: int, said: bytes) -> bytes | None:
             fine = identifier == self.number and said[0] == STATUS and len(said) == 2 + length
             return said[2:] if fine else None
 
-        return self.bus.ask((self.number, data), self._drive.answer_timeout, answered, tries)
+        question = self.number if to is None else to, data
+        return self.bus.ask(question, self._drive.answer_timeout, answered)
 
     def find(self) -> int:
         """Its model's number.
@@ -145,13 +146,7 @@ class ServoDialogue:
         """What it says in a cycle; None where it does not answer such a question."""
         address, length, _ = self._table.block()
         head = self._table.packets.sync_read(address, length, fast=fast)
-        said = self.bus.ask(
-            (ALL, head + bytes((self.number,))),
-            self._drive.answer_timeout,
-            lambda identifier, data: (
-                data[2:] if identifier == self.number and len(data) == 2 + length and data[0] == STATUS else None
-            ),
-        )
+        said = self._ask(head + bytes((self.number,)), length, ALL)
         return None if said is None else BlockReader(self._table).sample(said)
 
     def prepare(self) -> ServoSample:
