@@ -35,17 +35,13 @@ def with_angles(table: Table) -> Table:
     count = len(table.names)
 
     def read(columns: Sequence[int], clock: int | None) -> list[Array]:
-        needed = [places for column in columns if column >= count for places in [*added.values()][column - count]]
-        flat = list(
-            dict.fromkeys([one for one in columns if one < count] + [one for places in needed for one in places])
-        )
+        parts = {column: [*added.values()][column - count] for column in columns if column >= count}
+        needed = [one for places in parts.values() for body in places for one in body]
+        flat = list(dict.fromkeys([*(one for one in columns if one < count), *needed]))
         values = dict(zip(flat, table.read(flat, clock), strict=True))
-        return [
-            values[column]
-            if column < count
-            else angle_of([np.array([values[one] for one in places]) for places in [*added.values()][column - count]])
-            for column in columns
-        ]
+        for column, places in parts.items():
+            values[column] = angle_of([np.array([values[one] for one in body]) for body in places])
+        return [values[column] for column in columns]
 
     return replace(table, names=(*table.names, *added), read=read)
 
