@@ -421,7 +421,7 @@ def name_of(code: CodeType) -> str:
 
 def kernels_in(function: Any, parts: Any) -> Iterator[str]:
     """A kernel and all that it calls, as `Recorder` names them."""
-    from bowden.core.kernel_content import global_names, is_kernel, meant
+    from bowden.core.kernel_content import global_names, global_value, is_kernel
 
     todo, seen = [function], {function}
     while todo:
@@ -429,7 +429,7 @@ def kernels_in(function: Any, parts: Any) -> Iterator[str]:
         if name_of(one.__code__):
             yield name_of(one.__code__)
         for name in global_names(one.__code__):
-            value = meant(one, name, dict(parts))
+            value = global_value(one, name, dict(parts))
             if is_kernel(value) and value not in seen:
                 seen.add(value)
                 todo.append(value)

@@ -43,8 +43,9 @@ def shared_data() -> Path:
 @pytest.fixture(autouse=True)
 def little_listening(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bring-up within the tests' process listens for other masters for an instant; a rig's does for a second."""
-    if "bowden.hardware.drives.canopen_drive" in sys.modules:
-        monkeypatch.setattr("bowden.hardware.drives.canopen_drive.LISTENING", 0.03)
+    for family in ("ak", "canopen", "moteus", "odrive", "servo"):
+        if (module := f"bowden.hardware.drives.{family}_drive") in sys.modules:
+            monkeypatch.setattr(f"{module}.LISTENING", 0.03)
 
 
 @pytest.fixture(scope="session")

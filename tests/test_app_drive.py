@@ -33,7 +33,7 @@ def test_what_came_is_kept_with_its_range_and_each_change() -> None:
     assert (look.least["motor"], look.most["motor"]) == (0.5, 0.7)
     assert "tension" not in look.least
     assert look.states == ["SWITCH_ON_DISABLED", "FAULT"]
-    assert look.said(lambda code: f"code {code:X}") == ["code 4210", "emergency stop"]
+    assert look.explained(lambda code: f"code {code:X}") == ["code 4210", "emergency stop"]
 
 
 def test_an_emergency_stop_that_stays_pressed_is_said_once() -> None:

@@ -9,14 +9,9 @@ import pytest
 import unseen
 from bowden.control import LAWS
 from bowden.control.knowledge import informed
-from bowden.control.our_law.deadzone import UNANSWERED
+from bowden.control.our_law.deadzone import WIDEST
 from bowden.control.our_law.law import UNKNOWN_LAG
-from bowden.control.our_law.observer import derived_rates
-from bowden.control.our_law.oscillation import (
-    ALIKE,
-    TRIED,
-    WATCHED,
-)
+from bowden.control.our_law.oscillation import ALIKE, ENOUGH, WATCHED
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import flat, names, unflatten_like
@@ -102,9 +97,9 @@ def test_it_holds_from_250_hz_to_2_khz(sample_time: float, most_deg: float) -> N
 
 @pytest.mark.long
 def test_it_is_stable_on_rigs_that_nobody_chose() -> None:
-    runs = list(unseen.play([LAW], [draw("development", number) for number in range(100)]))
-    assert sum(not run.stable for run in runs) <= 1
-    assert np.median([run.rmse_deg for run in runs]) < 0.53
+    runs = list(unseen.play([LAW], [draw("development", number) for number in range(unseen.COUNTS["development"])]))
+    assert sum(not run.stable for run in runs) <= 3
+    assert np.median([run.rmse_deg for run in runs]) < 0.48
 
 
 def test_a_dead_zone_that_shrinks_is_noticed_by_the_jumps_that_go_too_far() -> None:
@@ -118,6 +113,7 @@ def test_a_dead_zone_that_shrinks_is_noticed_by_the_jumps_that_go_too_far() -> N
 
 
 START, STEP = LAW.start_kernel, LAW.step_kernel
+REACH = 2.0 * WIDEST
 
 
 @kernel
@@ -225,8 +221,8 @@ def test_half_a_second_without_samples_is_driven_through(clean: Played) -> None:
 def test_a_torn_cable_is_not_pulled_on_for_ever(rest: float) -> None:
     """The motor goes no further than its plan and the widest dead zone, from where the joint last answered."""
     run = played(STROKES, joint=(TICKS >= 0, rest))
-    assert np.abs(run["observer.requested"] + rest).max() <= UNANSWERED + 1e-9 + 2.0 * rest
-    assert np.abs(run.command - STROKES[:, 0]).max() < UNANSWERED + rest + 0.15
+    assert np.abs(run["observer.requested"] + rest).max() <= REACH + 1e-9 + 2.0 * rest
+    assert np.abs(run.command - STROKES[:, 0]).max() < REACH + rest + 0.15
 
 
 def test_a_breath_does_not_say_that_a_slack_cable_pulls() -> None:
@@ -237,13 +233,13 @@ def test_a_breath_does_not_say_that_a_slack_cable_pulls() -> None:
         state, command = LAW.step(state, Sample(joint, motor), Reference(0.0, 0.0, 0.0), 1e-3)
         motor += 0.05 * (command - motor)
         furthest = max(furthest, abs(motor))
-    assert furthest < UNANSWERED + float(np.sum(np.abs(np.diff(breath)))) + 0.2
+    assert furthest < REACH + float(np.sum(np.abs(np.diff(breath)))) + 0.2
 
 
 def test_a_joint_that_goes_half_as_far_as_told_answers_for_its_whole_way() -> None:
     strokes = PeriodicMinimumJerk(0.0, 120.0 * RADIANS, 8.0).sample(np.arange(0.0, 12.0, 1e-3))
     run = played(strokes, slope=0.45)
-    assert run.command.max() - strokes[:, 0].max() / 0.9 > 1.5 * UNANSWERED
+    assert run.command.max() - strokes[:, 0].max() / 0.9 > 1.5 * REACH
     assert np.abs(run.error).max() < 2.0 * RADIANS
 
 
@@ -317,25 +313,11 @@ def test_a_wearer_who_trembles_is_told_as_the_wearers(hertz: float, amplitude_de
     run = played(STILL, slope=1.0, half_width=0.0, pushed=pushed)
     trial = run["oscillation.half_waves"] < 0.0
     assert np.sum(np.diff(trial.astype(int)) == 1) == 1
-    assert np.sum(trial) * 1e-3 < (TRIED - WATCHED + 1.0) / (2.0 * hertz)  # ended as soon as it is certain
+    assert np.sum(trial) * 1e-3 < (2.0 * ENOUGH - WATCHED + 1.0) / (2.0 * hertz)  # ended as soon as it is certain
     assert run["oscillation.bandwidth_share"].min() < 0.2
     assert run["oscillation.bandwidth_share"][-1] == 1.0
     assert run["oscillation.load_time"][-1] == 0.0
     assert run["oscillation.wearer_amplitude"][-1] > 0.3 * amplitude_deg * RADIANS
-
-
-def test_a_leap_is_followed_at_twice_the_speed_and_a_swing_is_not() -> None:
-    """From rest a push comes from outside; of a swing that goes on, each half-wave is like the one before."""
-    time, leap = np.arange(0.0, 6.0, 1e-3), np.zeros(6000)
-    leap[3000:] = 20.0 * RADIANS
-    swing = 20.0 * RADIANS * np.sin(2.0 * np.pi * 1.6 * time)  # too slow for a trial
-    stopping = derived_rates(LAW.gains, 1.0, 1e-3).stopping
-    fastest = []
-    for pushed, begin in ((leap, 2900), (swing, 2000)):
-        asked = played(STILL, slope=1.0, half_width=0.0, pushed=pushed)["observer.requested"][begin:]
-        fastest.append(np.abs(np.diff(asked)).max() / 1e-3 / stopping)
-    assert 1.5 < fastest[0] <= 2.0 + 1e-9
-    assert fastest[1] <= 1.0 + 1e-9
 
 
 @pytest.mark.parametrize("number", range(8))

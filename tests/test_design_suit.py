@@ -7,7 +7,7 @@ from bowden.control.reference import PointToPoint
 from bowden.core.units import DEGREES, RADIANS
 from bowden.plants.presets.suit import suit
 from bowden.sim.run import simulate
-from bowden.sim.suit_runs import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, suit_ours
+from bowden.sim.suit_runs import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, run_suit, suit_adaptive, suit_ours
 from wearers import wear
 
 
@@ -53,3 +53,13 @@ def test_a_stroke_that_goes_on_after_a_rest_is_followed_all_the_same() -> None:
     assert np.abs(trace.error).max() * DEGREES < 12.0
     resting = (trace.time > 9.5) & (trace.time < 10.0)
     assert np.abs(trace.error[resting]).max() * DEGREES < 3.5
+
+
+def test_a_spool_that_sticks_on_a_pd_drive_is_turned_sooner_than_by_the_adaptive_law() -> None:
+    """Fast flexions and extensions, 0–70° in 2 s with rests: after some our law has asked for what they take."""
+    top = 70.0 * RADIANS
+    fast = PointToPoint(tuple(2.0 * k for k in range(20)), tuple((0.0, top, top, 0.0)[k % 4] for k in range(20)))
+    late = [
+        np.abs(run_suit(law, reference=fast, duration=38.0).error[22_000:]) for law in (suit_ours(), suit_adaptive())
+    ]
+    assert late[0].max() < 0.6 * late[1].max()

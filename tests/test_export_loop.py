@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import bowden
-from bowden.core.signals import Reference
+from bowden.core.signals import DriveState, Reference
 from bowden.cycle.one_cycle import Cycle, Plan, TargetSource
 from bowden.export.readme import FLAGS
 from bowden.hardware.ports import Power
@@ -240,6 +240,16 @@ def test_a_joint_reading_that_stays_away_releases(board: Board) -> None:
     assert modes(rows) == [Mode.BRIDGING, Mode.RELEASING, Mode.LATCHED]
     assert int(rows[-1]["verdict_faults"]) >> Fault.JOINT_LOST & 1
     assert rows[-1]["power"] == 0.0
+
+
+def test_the_preflight_moves_nothing_before_the_drive_is_enabled(board: Board) -> None:
+    """A drive that takes 0.4 s to enable is not sent the middle of the motion at once."""
+    waiting = {"drive_state": float(DriveState.SWITCH_ON_DISABLED)}
+    rows = [board.step(REQUESTS.get(k, Request.NONE), **(waiting if k < 400 else {})) for k in range(700)]
+    motion = [row["requested"] for row in rows if row["source"] == TargetSource.MOTION]
+    assert np.ptp(motion[:390]) < 1e-3  # where the motor is, in counts
+    assert np.ptp(motion) > 0.03
+    assert np.abs(np.diff(motion)).max() < 1e-3
 
 
 def test_a_preflight_that_failed_never_runs(board: Board) -> None:

@@ -83,7 +83,7 @@ CABLE = bowden.CableModel("line", {"slope": 0.9, "offset": 0.1})
         (
             "Rig().limits.joint_max",
             "Limits has no 'joint_max'; it has joint_low, joint_high, joint_speed, joint_still, estimates_joint, "
-            "joint_std and 66 others",
+            f"joint_std and {len(bowden.Rig().limits._fields) - 6} others",
         ),
         ("LAWS['adaptive'].set_gains", "Law has no 'set_gains': law.with_gains(name=value)"),
     ],

@@ -12,13 +12,6 @@ import pytest
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveReading
 from bowden.hardware.buses.link import Links
-from bowden.hardware.drives import (
-    ak_drive,
-    canopen_drive,
-    moteus_drive,
-    odrive_drive,
-    servo_drive,
-)
 from bowden.hardware.drives.findings import LagWatch
 from bowden.hardware.drives.load_cell import LoadCellReader
 from bowden.hardware.drives.of_rig import open_drive
@@ -37,12 +30,6 @@ SAMPLE = [(name, row) for name, row in CASES if row.text == "inert" or (name, ro
 LOAD_CASES = list(load_cases())
 LOAD_SAMPLE = [next(case for case in LOAD_CASES[k::5] if case[0] == cell) for k, cell in enumerate(CELLS)]
 """One for each kind of load cell, likewise."""
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (ak_drive, canopen_drive, moteus_drive, odrive_drive, servo_drive):
-        monkeypatch.setattr(module, "LISTENING", 0.02)
 
 
 @pytest.mark.parametrize(("name", "row"), SAMPLE, ids=str)

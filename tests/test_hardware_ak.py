@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError, ParameterError, SafetyError
 from bowden.core.signals import DriveReading
+from bowden.design.power import require_power, unseen_watch
 from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.buses.unix_bus import UnixBus
-from bowden.hardware.drives import ak_drive
 from bowden.hardware.drives.ak_frames import (
     ENTER,
     EXIT,
@@ -33,7 +33,6 @@ from bowden.hardware.drives.on_can import require
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.plant import FOLLOW
-from bowden.live.by_hand import require_watch, unseen_watch
 from bowden.live.live_run import require_joint
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
@@ -49,11 +48,6 @@ ON_RIG = '[motor]\ngear = 9.0\ntorque_constant_nm_per_a = 0.091\n[drive]\nfamily
 
 def found(readings: list[DriveReading]) -> set[float]:
     return {reading.emergency for reading in readings if reading.emergency}
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ak_drive, "LISTENING", 0.02)
 
 
 V3 = asking(DRIVE._replace(board="v3"), sample_time=2e-3)
@@ -292,15 +286,15 @@ def test_a_drive_without_a_timeout_is_not_run(tmp_path: Any) -> None:
 def test_a_limb_is_refused_where_nobody_can_see_the_timeout(tmp_path: Any) -> None:
     bus = 'interface = "socketcan"\nchannel = "can0"\nhome = "hint"\n'
     assert "bare bench" in unseen_watch(given_rig(tmp_path))
-    require_watch(given_rig(tmp_path))  # on the twin's bus there is no limb
+    require_power(given_rig(tmp_path))  # on the twin's bus there is no limb
     with pytest.raises(SafetyError, match="no_limb = true"):
-        require_watch(given_rig(tmp_path, bus))
-    require_watch(given_rig(tmp_path, f"{bus}no_limb = true\n"))
+        require_power(given_rig(tmp_path, bus))
+    require_power(given_rig(tmp_path, f"{bus}no_limb = true\n"))
     with pytest.raises(SafetyError, match="EMG means a limb"):
-        require_watch(given_rig(tmp_path, f'{bus}no_limb = true\n[emg]\nsource = "lsl:EMG"\n'))
+        require_power(given_rig(tmp_path, f'{bus}no_limb = true\n[emg]\nsource = "lsl:EMG"\n'))
     suit = Rig(suit={"worn": True})
     with pytest.raises(SafetyError, match="a suit means a limb"):  # of another axis
-        require_watch(given_rig(tmp_path, f"{bus}no_limb = true\n"), [suit])
+        require_power(given_rig(tmp_path, f"{bus}no_limb = true\n"), [suit])
     assert unseen_watch(Rig()) == ""
 
 

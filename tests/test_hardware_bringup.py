@@ -136,15 +136,28 @@ NARROW: dict[str, list[dict[Any, float]]] = {
 assert set(NARROW) == set(names())
 
 
+def example_of(family: str) -> dict[str, Any]:
+    """A rig with a drive of a family, as ``bowden init --drive`` has it."""
+    tree = dict[str, Any]()
+    for title, keys in family_named(family).example.items():
+        first, _, second = title.partition(".")
+        tree.setdefault(first, {}).update({second: dict(keys)} if second else keys)
+    tree.setdefault("drive", {}).update(family=family, answer_timeout_ms=50.0)
+    return tree
+
+
+@pytest.mark.parametrize("family", names())
+def test_the_rig_that_init_writes_for_a_family_is_brought_up(family: str, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(tomlkit.dumps(example_of(family)), encoding="utf-8")
+    assert DriverLoop(Rig.read(rig).drive_parameters).drive.bring_up()
+
+
 @pytest.mark.parametrize(("family", "own"), [(name, own) for name in NARROW for own in NARROW[name]], ids=str)
 def test_a_rig_beyond_the_drives_limits_is_told_a_value_that_is_within(
     family: str, own: dict[Any, float], tmp_path: Path
 ) -> None:
-    rig, tree = tmp_path / "rig.toml", dict[str, Any]()
-    for title, keys in family_named(family).example.items():
-        first, _, second = title.partition(".")
-        tree.setdefault(first, {}).update({second: keys} if second else keys)
-    tree.setdefault("drive", {}).update(family=family, answer_timeout_ms=50.0)
+    rig, tree = tmp_path / "rig.toml", example_of(family)
     rig.write_text(tomlkit.dumps(tree), encoding="utf-8")
     with pytest.raises(DriveError, match="beyond the drive's own") as refused:
         DriverLoop(Rig.read(rig).drive_parameters, own).drive.bring_up()

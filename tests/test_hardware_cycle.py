@@ -205,7 +205,7 @@ class Port:
         found = []
         while self._waiting and self._waiting[0] <= self.now:
             self._waiting.popleft()
-            found.append((0x181, frames.pack_tpdo1(frames.Motion(0x1237, 0, 0))))
+            found.append((0x181, frames.MOTION.pack(0x1237, 0, 0)))
         return found
 
     def send(self, *_: object) -> None:

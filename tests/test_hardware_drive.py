@@ -54,9 +54,9 @@ def test_bring_up_says_who_it_is_and_leaves_no_thread() -> None:
     assert node.objects[0x6060, 0] == 8
     assert (node.objects[0x60C2, 1], node.objects[0x60C2, 2]) == (1, -3)
     for index, mapping in (
-        (0x1600, frames.RPDO1_MAPPING),
-        (0x1A00, frames.TPDO1_MAPPING),
-        (0x1A01, frames.TPDO2_MAPPING),
+        (0x1600, frames.ORDER.mapping[:2]),
+        (0x1A00, frames.MOTION.mapping),
+        (0x1A01, frames.SENSORS.mapping),
     ):
         assert node.objects[index, 0] == len(mapping)
         assert tuple(node.objects[index, sub] for sub in range(1, 1 + len(mapping))) == mapping
@@ -198,17 +198,13 @@ def test_an_emergency_stop_takes_the_torque_and_is_told_for_as_long_as_it_is_pre
     assert loop.node.state is DriveState.SWITCH_ON_DISABLED
 
 
-def test_inputs_that_are_not_told_are_an_emergency_stop_of_a_node_that_lives_only(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    with monkeypatch.context() as patched:
-        loop = DriverLoop(DRIVE._replace(emergency_stop_input=7)).up()
-        patched.setattr(frames, "unpack_tpdo3", lambda data: None)
-        assert loop.run(9, Power.ON)[-1].emergency == 0.0
-        assert loop.run(5, Power.ON)[-1].emergency == EMERGENCY_STOP
+def test_inputs_that_are_not_told_are_an_emergency_stop_of_a_node_that_lives_only() -> None:
     loop = DriverLoop(DRIVE._replace(emergency_stop_input=7)).up()
-    for name in ("unpack_tpdo1", "unpack_tpdo2", "unpack_tpdo3"):
-        monkeypatch.setattr(frames, name, lambda data: None)
+    loop.node.objects.change((0x1802, 1), 1 << 31)
+    assert loop.run(9, Power.ON)[-1].emergency == 0.0
+    assert loop.run(5, Power.ON)[-1].emergency == EMERGENCY_STOP
+    loop = DriverLoop(DRIVE._replace(emergency_stop_input=7)).up()
+    loop.inject("short_frames 0")
     reading = loop.run(30, Power.ON)[-1]
     assert reading.emergency == 0.0
     assert reading.motor_age >= 29.0

@@ -14,7 +14,6 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.hardware.buses.packets import STATUS, Instruction
 from bowden.hardware.buses.place import EXTENDED, REMOTE
-from bowden.hardware.drives import ak_drive, canopen_drive, moteus_drive, odrive_drive, servo_drive
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives import moteus_frames as moteus
 from bowden.hardware.drives import odrive_frames as odrive
@@ -123,12 +122,6 @@ ANSWERING = pytest.mark.parametrize("name", ["ak_mit", "moteus", "odrive"])
 
 def loop_of(name: str, overrides: Any = None, **changed: Any) -> DriverLoop:
     return DriverLoop(asking(CASES[name].drive, **changed), overrides)
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (ak_drive, canopen_drive, moteus_drive, odrive_drive, servo_drive):
-        monkeypatch.setattr(module, "LISTENING", 0.02)
 
 
 @pytest.mark.parametrize(
@@ -498,7 +491,7 @@ def check_sent(name: str, identifier: int, data: bytes) -> None:
 def check_order(sent: list[tuple[float, int, bytes]], state: float, target: float, power: Power) -> None:
     """The controlword of a CiA 402 drive is whole, first, and no more than was wanted of a drive in that state."""
     assert [cob_id for _, cob_id, _ in sent][:2] == [canopen.RPDO1 + 1, canopen.SYNC]
-    control, _, _ = canopen.unpack_rpdo1(sent[0][2]) or (None, None, None)
+    control, _ = canopen.ORDER.unpack(sent[0][2], 2) or (None, None)
     assert control in set(Controlword)
     if control == Controlword.ENABLE_OPERATION:
         assert power is Power.ON

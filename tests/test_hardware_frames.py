@@ -17,32 +17,15 @@ from support.memory_bus import asking
 I16, I32, U16 = st.integers(-(2**15), 2**15 - 1), st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**16 - 1)
 
 
-@given(U16, I32, I16)
-def test_rpdo1_goes_there_and_back(control: int, target: int, torque: int) -> None:
-    data = frames.pack_rpdo1(control, target)
-    assert frames.unpack_rpdo1(data) == (control, target, 0)
-    assert 8 * len(data) == sum(entry & 0xFF for entry in frames.RPDO1_MAPPING)
-    pushed = frames.pack_rpdo1(control, target, torque)
-    assert frames.unpack_rpdo1(pushed, pushed=True) == (control, target, torque)
-    assert 8 * len(pushed) == sum(entry & 0xFF for entry in (*frames.RPDO1_MAPPING, frames.TORQUE_OFFSET))
-    assert frames.unpack_rpdo1(pushed) is None
-    assert frames.unpack_rpdo1(data, pushed=True) is None
-
-
-@given(U16, I32, I16)
-def test_tpdo1_goes_there_and_back(word: int, position: int, torque: int) -> None:
-    data = frames.pack_tpdo1(frames.Motion(word, position, torque))
-    assert frames.unpack_tpdo1(data) == (word, position, torque)
-    assert 8 * len(data) == sum(entry & 0xFF for entry in frames.TPDO1_MAPPING)
-
-
-@given(I32, I16, I16)
-def test_tpdo2_goes_there_and_back(joint: int, analog: int, temperature: int) -> None:
-    data = frames.pack_tpdo2(frames.Sensors(joint, analog, temperature))
-    assert frames.unpack_tpdo2(data) == (joint, analog, temperature)
-    assert 8 * len(data) == sum(entry & 0xFF for entry in frames.TPDO2_MAPPING)
-    short = frames.pack_tpdo2(frames.Sensors(joint, analog, None))
-    assert frames.unpack_tpdo2(short) == (joint, analog, None)
+@pytest.mark.parametrize("pdo", [frames.ORDER, frames.MOTION, frames.SENSORS, frames.INPUTS])
+@given(st.data())
+def test_a_pdo_goes_there_and_back_whole_or_without_its_last_object(pdo: frames.Pdo, data: st.DataObject) -> None:
+    values = tuple(data.draw({"H": U16, "i": I32, "h": I16, "I": st.integers(0, 2**32 - 1)}[one]) for one in pdo.form)
+    for count in range(max(1, len(values) - 1), len(values) + 1):
+        told = pdo.pack(*values[:count])
+        assert pdo.unpack(told, count) == values[:count]
+        assert 8 * len(told) == sum(entry & 0xFF for entry in pdo.mapping[:count])
+        assert (pdo.unpack(told) is None) == (count < len(values))
 
 
 @given(U16, st.integers(0, 255))
@@ -52,13 +35,8 @@ def test_emergencies_go_there_and_back(code: int, register: int) -> None:
 
 @given(st.binary(max_size=64))
 def test_no_bytes_do_harm(data: bytes) -> None:
-    for unpack in (
-        frames.unpack_rpdo1,
-        frames.unpack_tpdo1,
-        frames.unpack_tpdo2,
-        frames.unpack_emergency,
-        frames.unpack_heartbeat,
-    ):
+    whole = (frames.ORDER.unpack, frames.MOTION.unpack, frames.SENSORS.unpack, frames.INPUTS.unpack)
+    for unpack in (*whole, frames.unpack_emergency, frames.unpack_heartbeat):
         unpack(data)
         unpack(bytearray(data))
 

@@ -21,7 +21,6 @@ from bowden.hardware.drives.families.moteus import MoteusParameters
 from bowden.hardware.drives.load_cell import VALUE_32, LoadCellReader
 from bowden.hardware.drives.of_rig import DriveWithLoadCell
 from bowden.hardware.ports import Power, TorqueLeft
-from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import parse
@@ -36,37 +35,25 @@ from bowden.rig.load_cell import BESIDE, LoadCellParameters
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import begin
-from support.memory_bus import MemoryBus
+from support.memory_bus import DriverLoop, MemoryBus
 
 PLACE = BusPlace("bowden_unix", "bowden", 1_000_000)
 NODE = LoadCellParameters(source="cia404", full_scale=300.0, scale=0.01, zero=250.0)
 PLAIN = NODE._replace(source="can", scale=-0.02, first_byte=2, bytes=3, byte_order="big")
 
 
-class Cell:
+class Cell(DriverLoop):
     """An AK drive with a load cell beside it, and their twins."""
 
     def __init__(self, cell: LoadCellParameters = NODE, overrides: dict[Key, int | None] | None = None) -> None:
-        rig = bench()
-        self.bus = MemoryBus()
-        drive = AkParameters(answer_timeout=0.05)
-        self.plant = TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, self.bus.time)
-        node = AkNode(drive, self.plant, self.bus.put, self.bus.note)
-        self.faults = node.faults
-        self.bus.attach(node)
-        self.bus.attach(LoadCellNode(cell, self.plant, self.faults, self.bus.put, overrides))
-        links = Links(self.bus)
-        self.drive = DriveWithLoadCell(AkDrive(drive, links), cell, PLACE, links, 0.05, shared=True)
+        super().__init__(AkParameters(answer_timeout=0.05))
+        self.plant = self.node.bench
+        self.attach(LoadCellNode(cell, self.plant, self.node.faults, self.put, overrides))
+        links = Links(self)
+        self.drive = DriveWithLoadCell(AkDrive(self.node._drive, links), cell, PLACE, links, 0.05, shared=True)
 
-    def run(self, cycles: int, power: Power = Power.OFF, target: float = 0.1) -> DriveReading:
-        for _ in range(cycles):
-            reading = self.drive.read(self.bus.time)
-            self.drive.write(target, power, self.bus.time)
-            self.bus.advance(1e-3)
-        return reading
-
-    def inject(self, text: str) -> None:
-        self.faults.inject(parse(text)._replace(start=self.bus.time))
+    def last(self, cycles: int, power: Power = Power.OFF, target: float = 0.1) -> DriveReading:
+        return self.run(cycles, power, target=target)[-1]
 
 
 @pytest.mark.parametrize(
@@ -85,7 +72,7 @@ def test_what_the_cable_pulls_is_read_whatever_the_device(cell: LoadCellParamete
     said = loop.drive.bring_up()
     assert "load cell: " in said
     for target in (0.1, 0.6):
-        reading = loop.run(300, Power.ON, target)
+        reading = loop.last(300, Power.ON, target)
         true = loop.plant.tension
         if cell.measures == "tension":
             assert reading.tension == pytest.approx(true, abs=1.5 * abs(cell.scale) + 0.02)
@@ -101,49 +88,49 @@ def test_a_cell_without_its_status_or_with_16_bits_is_read_too() -> None:
     for overrides in ({(0x6150, 1): None}, {(0x9130, 1): None}, {(0x9130, 1): None, (0x6150, 1): None}):
         loop = Cell(NODE, overrides)
         assert "it says 0.01 N itself" in loop.drive.bring_up()
-        assert loop.run(20).tension == pytest.approx(loop.plant.tension, abs=0.02)
+        assert loop.last(20).tension == pytest.approx(loop.plant.tension, abs=0.02)
 
 
 @pytest.mark.parametrize("cell", [NODE, NODE._replace(sends="timer"), PLAIN], ids=["sync", "timer", "plain"])
 def test_a_silent_cell_is_none_after_its_silence_and_comes_back(cell: LoadCellParameters) -> None:
     loop = Cell(cell)
     loop.drive.bring_up()
-    loop.run(20)
+    loop.last(20)
     loop.inject("load_silence")
-    assert math.isfinite(loop.run(5).tension)
-    assert math.isnan(loop.run(8).tension)
-    loop.faults.clear()
-    assert math.isfinite(loop.run(30).tension)
+    assert math.isfinite(loop.last(5).tension)
+    assert math.isnan(loop.last(8).tension)
+    loop.node.faults.clear()
+    assert math.isfinite(loop.last(30).tension)
 
 
 def test_the_ends_of_its_range_are_too_much_or_none() -> None:
     for cell in (NODE, PLAIN):
         loop = Cell(cell)
         loop.drive.bring_up()
-        loop.run(20)
+        loop.last(20)
         loop.inject("load_saturated 1")
-        assert loop.run(5).tension >= 0.99 * cell.full_scale
-        loop.faults.clear()
+        assert loop.last(5).tension >= 0.99 * cell.full_scale
+        loop.node.faults.clear()
         loop.inject("load_saturated -1")
-        assert math.isnan(loop.run(5).tension)
+        assert math.isnan(loop.last(5).tension)
     torque = Cell(NODE._replace(measures="torque", full_scale=30.0))
     torque.drive.bring_up()
     torque.inject("load_saturated -1")
-    assert torque.run(20).joint_torque <= -29.9
+    assert torque.last(20).joint_torque <= -29.9
 
 
 def test_stuck_turned_and_drifting_cells_say_so_in_their_readings() -> None:
     loop = Cell()
     loop.drive.bring_up()
-    before = loop.run(100, Power.ON, 0.1).tension
+    before = loop.last(100, Power.ON, 0.1).tension
     loop.inject("load_stuck")
-    assert loop.run(300, Power.ON, 0.5).tension == before < loop.plant.tension - 1.0
-    loop.faults.clear()
+    assert loop.last(300, Power.ON, 0.5).tension == before < loop.plant.tension - 1.0
+    loop.node.faults.clear()
     loop.inject("load_sign")
-    assert loop.run(5, Power.ON, 0.5).tension == pytest.approx(-loop.plant.tension, abs=0.02)
-    loop.faults.clear()
+    assert loop.last(5, Power.ON, 0.5).tension == pytest.approx(-loop.plant.tension, abs=0.02)
+    loop.node.faults.clear()
     loop.inject("load_drift 10")
-    assert loop.run(1001, Power.ON, 0.5).tension == pytest.approx(loop.plant.tension + 10.0, abs=0.1)
+    assert loop.last(1001, Power.ON, 0.5).tension == pytest.approx(loop.plant.tension + 10.0, abs=0.1)
 
 
 def test_what_a_device_calls_invalid_or_an_emergency_is_none() -> None:
@@ -193,14 +180,14 @@ def test_what_is_no_measuring_device_is_refused_in_one_line(overrides: dict[Key,
 def test_nobody_there_and_frames_too_short_are_told() -> None:
     loop = Cell(PLAIN)
     absent = DriveWithLoadCell(
-        loop.drive._drive, PLAIN._replace(identifier=0x1F3), PLACE, Links(loop.bus), 0.05, shared=True
+        loop.drive._drive, PLAIN._replace(identifier=0x1F3), PLACE, Links(loop), 0.05, shared=True
     )
     absent._drive = _Nothing()  # type: ignore[assignment]
     with pytest.raises(DriveError, match=r"no frame 1F3h .* there is 1F0h"):
         absent.bring_up()
-    port = Links(loop.bus).join(PLACE, "a", lambda _: True)
+    port = Links(loop).join(PLACE, "a", lambda _: True)
     for _ in range(5):
-        loop.bus.put(0x1F1, b"\1\2")
+        loop.put(0x1F1, b"\1\2")
     with pytest.raises(DriveError, match="have 2 bytes"):
         LoadCellReader(PLAIN._replace(identifier=0x1F1), 0.1).bring_up(port)
 
@@ -271,10 +258,10 @@ def test_a_cell_at_the_drives_input_has_a_zero_a_range_and_faults() -> None:
                 node.faults.inject(parse(fault)._replace(start=bus.time))
             bus.drain()
             bus.send_frame(frames.SYNC, b"")
-            said = next(frames.unpack_tpdo2(bytes(one.data)) for one in bus.drain() if one.arbitration_id == 0x281)
+            said = next(frames.SENSORS.unpack(bytes(one.data), 2) for one in bus.drain() if one.arbitration_id == 0x281)
             assert said is not None
             scale = abs(given_.tension_scale or given_.torque_scale)
-            assert load_of(given_, said.analog) == pytest.approx(sign * true, abs=scale)
+            assert load_of(given_, said[1]) == pytest.approx(sign * true, abs=scale)
         bus.close()
 
 
@@ -312,7 +299,7 @@ def test_a_rig_keeps_its_cell_and_one_without_is_as_it_was() -> None:
 
 def test_a_cell_on_a_bus_of_its_own_counts_its_errors_and_other_masters() -> None:
     loop, own = Cell(), MemoryBus()
-    own.attach(LoadCellNode(NODE, loop.plant, loop.faults, own.put))
+    own.attach(LoadCellNode(NODE, loop.plant, loop.node.faults, own.put))
     cell = DriveWithLoadCell(_Still(), NODE, PLACE, Links(own), 0.05, shared=False)
     cell.bring_up()
     cell.write(0.0, Power.OFF, own.time)
@@ -339,7 +326,7 @@ class _Still(_Nothing):
 def test_the_object_that_is_mapped_is_the_inputs_own() -> None:
     loop = Cell(NODE._replace(input=2))
     loop.drive.bring_up()
-    written = [data for _, identifier, data in loop.bus.sent if identifier == frames.SDO_REQUEST + 33]
+    written = [data for _, identifier, data in loop.sent if identifier == frames.SDO_REQUEST + 33]
     assert any(
         data[1:4] == b"\x00\x1a\x01" and data[4:] == (VALUE_32 << 16 | 2 << 8 | 32).to_bytes(4, "little")
         for data in written

@@ -12,7 +12,6 @@ from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.place import EXTENDED
-from bowden.hardware.drives import moteus_drive
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.families.moteus import MoteusParameters, command_of, motor_scale
 from bowden.hardware.drives.moteus_drive import MoteusDrive
@@ -35,11 +34,6 @@ class Bench(DriverLoop):
         assert msg.bitrate_switch
         assert len(msg.data) in (*range(9), 12, 16, 20, 24, 32, 48, 64)
         super().send(msg, timeout)
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(moteus_drive, "LISTENING", 0.02)
 
 
 def test_frames_are_those_of_the_public_examples() -> None:

@@ -28,11 +28,6 @@ ENABLED, IDLE = DriveState.OPERATION_ENABLED, DriveState.SWITCH_ON_DISABLED
 SCALES = Scales(1000.0, 1000.0)
 
 
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(odrive_drive, "LISTENING", 0.02)
-
-
 @given(st.floats(-1000, 1000, width=32), st.floats(-32.7, 32.7), st.floats(-32.7, 32.7))
 def test_a_target_comes_back_within_half_a_step(position: float, velocity: float, torque: float) -> None:
     back = frames.unpack_target(frames.pack_target(Target(position, velocity, torque), SCALES), SCALES)

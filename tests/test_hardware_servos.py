@@ -12,6 +12,7 @@ import pytest
 from bowden.core.errors import BowdenError, DriveError, SafetyError
 from bowden.core.signals import DriveState
 from bowden.core.units import RADIANS
+from bowden.design.power import require_power
 from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.packets import DYNAMIXEL, FEETECH, STATUS, PacketReader, Packets, fast_answer
 from bowden.hardware.buses.place import ERROR
@@ -22,7 +23,6 @@ from bowden.hardware.drives.findings import JOINT_SERVO
 from bowden.hardware.drives.on_can import require
 from bowden.hardware.drives.servo_table import ServoRegister, cycle_time
 from bowden.hardware.ports import Power
-from bowden.live.by_hand import require_watch
 from bowden.rig.rig import Rig
 from support.memory_bus import DriverLoop, MemoryBus, asking, bench_at
 from support.played import Played
@@ -241,8 +241,8 @@ def test_a_packet_is_the_one_of_feetechs_manual() -> None:
 def test_a_feetech_servo_is_for_no_limb() -> None:
     rig = Rig().replace(sample_time=5e-3, drive=FEETECH_DRIVE._replace(interface="serial", channel="/dev/ttyUSB0"))
     with pytest.raises(SafetyError, match="no watchdog"):
-        require_watch(rig)
-    require_watch(rig.replace(drive=rig.drive._replace(no_limb=True)))
+        require_power(rig)
+    require_power(rig.replace(drive=rig.drive._replace(no_limb=True)))
 
 
 def test_a_raw_sync_read_on_the_line_is_answered_in_its_order(tmp_path: Any) -> None:

@@ -78,11 +78,12 @@ def test_the_forecast_is_what_the_models_inverse_leaves() -> None:
     left = cable(motor) - reference
     drawn = play.model.joint_angle(MOTOR)
     known = line.parameters["slope"], play.test_rms, line.test_rms
-    said = forecast(fit.log, fit.logs[0].split, drawn, *known)
+    one = replace(fit.logs[0], predicted=drawn)
+    said = forecast(one, *known)
     assert 0.85 < np.sqrt(np.mean(left[fit.logs[0].split :] ** 2)) / said.compensated < 1.15
     assert said.compensated < 0.2 * said.uncompensated
     counted = np.round(MOTOR / 1e-3) * 1e-3
-    counts = forecast(replace(fit.log, motor=counted), fit.logs[0].split, drawn, *known).resolution
+    counts = forecast(replace(one, log=replace(fit.log, motor=counted)), *known).resolution
     assert counts == pytest.approx(1e-3 * line.parameters["slope"] / math.sqrt(12.0), rel=1e-3)
 
 

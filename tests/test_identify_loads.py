@@ -286,10 +286,8 @@ def test_the_unit_of_the_load_is_compared_and_kept(fit: Fit, tmp_path: Path) -> 
 
 
 def test_loads_that_lie_close_are_levels_of_their_own() -> None:
-    found = _levels(np.linspace(1.0, 0.0, 25))
-    assert sorted(np.concatenate(found).tolist()) == list(range(25))
-    assert 10 <= len(found) <= 20
-    assert [one.tolist() for one in _levels(np.array([0.0, 1.0, 0.04, 0.97]))] == [[0, 2], [3, 1]]
+    assert 10 <= _levels(np.linspace(1.0, 0.0, 25)).max() + 1 <= 20
+    assert _levels(np.array([0.0, 1.0, 0.04, 0.97])).tolist() == [0, 1, 0, 1]
 
 
 def test_a_sheath_takes_nothing_of_the_offset() -> None:

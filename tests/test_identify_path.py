@@ -6,10 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from bowden.core.kernel import compiled
 from bowden.identify.cable.path import Path, build_path, remembered
 from bowden.identify.cable.settling import from_rest
-from bowden.identify.cable.turns import find_turns, motor_noise, polynomial, resolution, reversals
+from bowden.identify.cable.turns import find_turns, motor_noise, resolution, reversals
 from bowden.models.cable.prandtl_ishlinskii import plays
 
 Array = NDArray[np.float64]
@@ -95,14 +94,6 @@ def test_thinning_keeps_the_loop() -> None:
     for path in (coarse, fine):
         middle = (np.abs(path.motor) < 0.1) & (path.weight > 0)
         assert np.abs(path.joint - 0.9 * path.motor)[middle] == pytest.approx(0.05, abs=1e-3)
-
-
-@pytest.mark.parametrize("degree", [2, 4])
-def test_smoothing_is_the_least_squares_polynomial(degree: int) -> None:
-    values = 3.0 + np.random.default_rng(degree).standard_normal(57)
-    x = np.linspace(-1.0, 1.0, 57)
-    wanted = np.polyval(np.polyfit(x, values, degree), x)
-    assert compiled(polynomial)(values, degree) == pytest.approx(wanted, abs=1e-12)
 
 
 def test_a_long_log_needs_few_nodes_a_stroke() -> None:

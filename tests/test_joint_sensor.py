@@ -12,6 +12,8 @@ from bowden import Rig
 from bowden.core.errors import ParameterError, SafetyError
 from bowden.core.signals import Sample
 from bowden.core.units import RADIANS
+from bowden.design.objections import objections
+from bowden.design.power import require_power
 from bowden.live.by_hand import require_confirmed
 from bowden.plants.bench import Bench
 from bowden.plants.estimated import BENDS, Estimated, SensorRun, sensor_step
@@ -147,6 +149,10 @@ def test_a_real_drive_gets_power_once_its_joint_s_angle_is_calibrated_and_confir
     sensor: dict[str, Any], more: dict[str, Any], said: str
 ) -> None:
     rig = Rig(joint_sensor=sensor, **more)
-    require_confirmed(rig)  # there is a twin
+    real = rig.replace(drive={"interface": "socketcan", "channel": "can0"})
+    for one in (require_power, require_confirmed):
+        one(rig)  # there is a twin
+    known = said != "no angle has been confirmed"
     with pytest.raises(SafetyError, match=said):
-        require_confirmed(rig.replace(drive={"interface": "socketcan", "channel": "can0"}))
+        (require_power if known else require_confirmed)(real)
+    assert any(said in one for one in objections(real)) is known, "what check says"

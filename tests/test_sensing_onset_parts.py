@@ -44,7 +44,7 @@ def state(**changes: object) -> OnsetState:
 @given(all_powers, some)
 def test_what_is_there_without_rest_and_contraction_is_what_leaks_and_a_tail(powers: Powers, size: float) -> None:
     leaks = (of.REPEATS * powers.band, of.BROAD * powers.wide, of.MOVED * powers.swing)
-    steep = min(of.STEEP * powers.low, of.SWAY * powers.sway)
+    steep = min(of.STEEP * powers.low, of.SLOW * powers.slow)
     assert parts.power_beside_rest(powers, size) == pytest.approx(sum(leaks) + steep + of.TAIL_SHARE**2 * size)
 
 
@@ -55,7 +55,7 @@ def test_a_power_is_an_average_over_15_ms_and_a_peak_fades_in_100(powers: Powers
     for name, value in taken.items():
         assert getattr(after, name) == pytest.approx(value + keeps * (getattr(powers, name) - value))
     assert after.swing == pytest.approx(max(bands.swing**2, fades * powers.swing))
-    assert after.sway == pytest.approx(max(bands.sway**2, fades * powers.sway))
+    assert after.slow == pytest.approx(max(bands.slow**2, fades * powers.slow))
 
 
 @given(st.booleans(), st.booleans(), all_powers, st.floats(0.1, 1.0), st.sampled_from((0.99, 1.01)), st.booleans())

@@ -17,7 +17,7 @@ from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.hardware.drives.families.cia402 import motor_scale
 from bowden.hardware.twin.bench import SharedJoint, TwinBench
 from bowden.hardware.twin.of_rig import mirrored, played
-from bowden.live.live_run import live_run, pulling
+from bowden.live.live_run import live_run, with_co_contraction
 from bowden.live.preflight import Preflight, contradictions
 from bowden.live.replay import replay
 from bowden.models.cable.sheath_path import constant_bend
@@ -108,7 +108,7 @@ def test_each_motor_pulls_further_by_the_co_contraction_in_its_own_direction(tmp
     rig = rig_of(tmp_path)
     for name, way in (("flexor", 1.0), ("extensor", -1.0)):
         own = rig.only(name)
-        plain, shifted = motor_scale(own.drive_parameters), motor_scale(pulling(own, C).drive_parameters)
+        plain, shifted = motor_scale(own.drive_parameters), motor_scale(with_co_contraction(own, C).drive_parameters)
         assert plain.angle(shifted.counts(0.5)) == pytest.approx(0.5 + way * C)
         turned = motor_scale(mirrored(own.drive_parameters))
         assert turned.angle(plain.counts(0.7)) == pytest.approx(-0.7)

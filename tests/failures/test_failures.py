@@ -7,7 +7,6 @@ import pytest
 
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import Links
-from bowden.hardware.drives import ak_drive, canopen_drive, moteus_drive, odrive_drive
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.injection import parse
 from bowden.identify.emg.score import find
@@ -24,12 +23,6 @@ ON_TWIN = [
     for name, row in BOOK.items()
     if row.play is not None
 ]
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (ak_drive, canopen_drive, moteus_drive, odrive_drive):
-        monkeypatch.setattr(module, "LISTENING", 0.02)
 
 
 def check(row: Failure, faults: Any, stops: float, off: float) -> None:

@@ -13,10 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.export.readme import CHIP
+from bowden.export.readme import FLAGS as CHECKED
+from bowden.export.readme import TARGETS
 
 SIZE, EMULATOR = "arm-none-eabi-size", "qemu-system-arm"
-COMPILER, *FLAGS = CHIP.split()
+COMPILER, *FLAGS = f"{TARGETS['cortex-m4f'].compiler} {CHECKED} -ffunction-sections".split()
 _LINK = ("-nostartfiles", "--specs=nosys.specs", "-Wl,--gc-sections,--no-warn-rwx-segments", "-T", "board.ld")
 _BOARD = (
     *("-machine", "mps2-an386", "-icount", "shift=0", "-display", "none", "-monitor", "none", "-serial", "none"),

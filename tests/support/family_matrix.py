@@ -210,7 +210,7 @@ def played(name: str, fitted: Callable[[Rig], Rig] = lambda rig: rig) -> tuple[R
     node = family_of(rig.drive).node()(rig.drive_parameters, plant, bus.put, bus.note)
     bus.faults = node.faults
     bus.attach(node)
-    if rig.load_cell.there:
+    if rig.load_cell.enabled:
         bus.attach(LoadCellNode(rig.load_cell, plant, node.faults, bus.put))
     return rig, bus, node
 

@@ -320,7 +320,7 @@ def _wild(data: bytes) -> None:
         cob_id = data[at] * 8 + (data[at + 1] & 7 if at + 1 < len(data) else 0)
         body = data[at + 2 : at + 10]
         heard.take(cob_id, body)
-        for unpack in (canopen_frames.unpack_tpdo1, canopen_frames.unpack_tpdo2, canopen_frames.unpack_rpdo1,
+        for unpack in (canopen_frames.MOTION.unpack, canopen_frames.SENSORS.unpack, canopen_frames.ORDER.unpack,
                        canopen_frames.unpack_emergency, canopen_frames.unpack_heartbeat):  # fmt: skip
             unpack(body)
     for code in heard.emergencies:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from bowden.control.conditioning import Conditioning
-from bowden.core.arguments import said
+from bowden.core.arguments import format_value
 from bowden.core.errors import ParameterError, near
 from bowden.core.guesses import answering
 from bowden.core.kernel import placeholder
@@ -135,17 +135,17 @@ class Law(shown.Shown):
                 live gain is no choice or has no limits.
         """
         if not isinstance(self.name, str):
-            raise ParameterError(f"Law: name is {said(self.name)}", expected="text", do="give it a name")
+            raise ParameterError(f"Law: name is {format_value(self.name)}", expected="text", do="give it a name")
         if not is_named(self.gains):
             raise ParameterError(
-                f"Law {self.name!r}: gains is {said(self.gains)}",
+                f"Law {self.name!r}: gains is {format_value(self.gains)}",
                 expected="a NamedTuple of numbers",
                 do="make one: class Gains(NamedTuple), and pass Gains()",
             )
         for what in ("start_kernel", "step_kernel"):
             if not callable(getattr(self, what)):
                 raise ParameterError(
-                    f"Law {self.name!r}: {what} is {said(getattr(self, what))}",
+                    f"Law {self.name!r}: {what} is {format_value(getattr(self, what))}",
                     expected="a kernel",
                     do="pass a function that is marked with @bowden.kernel",
                 )
@@ -153,7 +153,7 @@ class Law(shown.Shown):
             object.__setattr__(self, "default_gains", self.gains)
         if not isinstance(self.from_rig, Mapping):
             raise ParameterError(
-                f"from_rig of law {self.name!r} is {said(self.from_rig)}",
+                f"from_rig of law {self.name!r} is {format_value(self.from_rig)}",
                 expected="gain → what it takes from the rig",
                 do='write it as {"slope": "slope"}',
             )
@@ -161,7 +161,7 @@ class Law(shown.Shown):
             object.__setattr__(self, "tunable", frozenset(self.gains._fields) - frozenset(self.from_rig))
         if isinstance(self.tunable, str) or not isinstance(self.tunable, Iterable):
             raise ParameterError(
-                f"tunable of law {self.name!r} is {said(self.tunable)}",
+                f"tunable of law {self.name!r} is {format_value(self.tunable)}",
                 expected="names of gains",
                 do='write it as frozenset({"bandwidth"})',
             )

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from bowden.control import LAWS, Law, user_law
 from bowden.core import user_file
-from bowden.core.arguments import said
+from bowden.core.arguments import format_value
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import Content, code_of
 from bowden.core.own_file import OwnFile
@@ -107,7 +107,7 @@ def held(given: Any) -> str | Law | LawFile:
         return named(given)
     if not isinstance(given, Law | LawFile):
         raise ParameterError(
-            f"Rig: law is {said(given)}",
+            f"Rig: law is {format_value(given)}",
             expected='a name ("adaptive"), "FILE.py:NAME" or a Law',
             do="list(bowden.LAWS) has the names",
         )

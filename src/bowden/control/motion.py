@@ -25,7 +25,9 @@ class MinimumJerk:
         Raises:
             ParameterError: always; with what to call.
         """
-        values = ", ".join([*map(arguments.said, given), *(f"{name}={value!r}" for name, value in named.items())])
+        values = ", ".join(
+            [*map(arguments.format_value, given), *(f"{name}={value!r}" for name, value in named.items())]
+        )
         raise ParameterError(
             f"MinimumJerk({values}) is not a motion",
             expected="a motion that is periodic, or goes from point to point",
@@ -76,6 +78,6 @@ class MinimumJerk:
 def _row(values: Any, what: str) -> list[Any]:
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
         raise ParameterError(
-            f"{what} is {arguments.said(values)}", expected="a list of numbers", do="for example [0.0, 1.0]"
+            f"{what} is {arguments.format_value(values)}", expected="a list of numbers", do="for example [0.0, 1.0]"
         )
     return list(values)

@@ -11,10 +11,10 @@ from bowden.core.errors import ParameterError, article
 Array = NDArray[np.float64]
 
 
-def said(value: Any) -> str:
+def format_value(value: Any) -> str:
     """A value in a message, cut short.
 
-    >>> said("x"), said(np.zeros(3)), said(int)
+    >>> format_value("x"), format_value(np.zeros(3)), format_value(int)
     ("'x'", 'an array of shape (3,)', 'the class int')
     """
     if isinstance(value, np.ndarray):
@@ -40,7 +40,9 @@ def signal(value: Any, what: str) -> Array:
         if found.dtype.kind not in "biuf":
             bad = next((one for one in np.ravel(found).tolist() if not isinstance(one, int | float)), value)
             raise ParameterError(
-                f"{what} holds {said(bad)}", expected="numbers only", do="convert it first: numpy.asarray(x, float)"
+                f"{what} holds {format_value(bad)}",
+                expected="numbers only",
+                do="convert it first: numpy.asarray(x, float)",
             )
         found = np.asarray(found, dtype=np.float64)
     except ValueError as error:  # rows of different lengths
@@ -49,7 +51,7 @@ def signal(value: Any, what: str) -> Array:
         ) from None
     if found.ndim != 1:
         raise ParameterError(
-            f"{what} is {said(found) if found.ndim else said(value)}",
+            f"{what} is {format_value(found) if found.ndim else format_value(value)}",
             expected="an array of shape (n,)",
             do="pass one signal, for example x[:, 0]" if found.ndim else "pass the samples of a log",
         )
@@ -78,7 +80,7 @@ def path_of(value: Any, what: str, kind: str = "file") -> Path:
     """
     if not isinstance(value, str | Path):
         raise ParameterError(
-            f"{what} is {said(value)}", expected=f"the path of a {kind}", do='write it in quotation marks: "…"'
+            f"{what} is {format_value(value)}", expected=f"the path of a {kind}", do='write it in quotation marks: "…"'
         )
     return Path(value)
 
@@ -90,7 +92,7 @@ def flag(value: Any, what: str) -> bool:
         ParameterError: something else.
     """
     if not isinstance(value, bool | np.bool_):
-        raise ParameterError(f"{what} is {said(value)}", expected="True or False", do="give one of them")
+        raise ParameterError(f"{what} is {format_value(value)}", expected="True or False", do="give one of them")
     return bool(value)
 
 
@@ -102,7 +104,7 @@ def whole(value: Any, what: str, least: int) -> int:
     """
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
         raise ParameterError(
-            f"{what} is {said(value)}", expected=f"a whole number from {least} on", do="give such a number"
+            f"{what} is {format_value(value)}", expected=f"a whole number from {least} on", do="give such a number"
         )
     return int(value)
 
@@ -114,7 +116,7 @@ def text(value: Any, what: str, expected: str) -> str:
         ParameterError: something else.
     """
     if not isinstance(value, str):
-        raise ParameterError(f"{what} is {said(value)}", expected=expected, do="write it in quotation marks")
+        raise ParameterError(f"{what} is {format_value(value)}", expected=expected, do="write it in quotation marks")
     return value
 
 
@@ -125,7 +127,9 @@ def function(value: Any, what: str, expected: str) -> Any:
         ParameterError: something else.
     """
     if not callable(value):
-        raise ParameterError(f"{what} is {said(value)}", expected=expected, do="pass a function, or leave it out")
+        raise ParameterError(
+            f"{what} is {format_value(value)}", expected=expected, do="pass a function, or leave it out"
+        )
     return value
 
 
@@ -163,7 +167,7 @@ def number(value: Any, what: str, expected: str = "a finite number") -> float:
             raise TypeError
         found = float(value)
     except (TypeError, ValueError):
-        raise ParameterError(f"{what} is {said(value)}", expected=expected, do="give a number") from None
+        raise ParameterError(f"{what} is {format_value(value)}", expected=expected, do="give a number") from None
     if not np.isfinite(found):
         raise ParameterError(f"{what} is {found}", expected=expected, do="give a finite number")
     return found

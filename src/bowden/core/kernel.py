@@ -16,9 +16,9 @@ from bowden.core.kernel_content import (
     Parts,
     content_of,
     global_names,
+    global_value,
     is_kernel,
     is_primitive,
-    meant,
     placeholders,
     reaching,
 )
@@ -180,7 +180,7 @@ def _twin(function: FunctionType, parts: Parts) -> FunctionType:
     try:
         namespace, replaced = dict(function.__globals__), dict(parts)
         for key in global_names(function.__code__):
-            value = meant(function, key, replaced)
+            value = global_value(function, key, replaced)
             if is_kernel(value):
                 namespace[key] = _compile(value, value.__qualname__, reaching(value, parts), within=True)
             elif is_primitive(value):

@@ -73,7 +73,7 @@ def global_names(code: CodeType) -> tuple[str, ...]:
     return tuple(sorted({step.argval for step in steps if step.opname == "LOAD_GLOBAL"}))
 
 
-def meant(function: FunctionType, name: str, replaced: Mapping[str, Callable[..., Any]]) -> Any:
+def global_value(function: FunctionType, name: str, replaced: Mapping[str, Callable[..., Any]]) -> Any:
     """The value of a global name in a function, or its replacement where that is a placeholder."""
     own = function.__globals__.get(name)
     return replaced.get(name, own) if hasattr(own, "__placeholder__") else own
@@ -98,7 +98,7 @@ def placeholders(function: Callable[..., Any], parts: Parts) -> frozenset[str]:
         for name in global_names(part.__code__):
             if hasattr(part.__globals__.get(name), "__placeholder__"):
                 named.add(name)
-            value = meant(part, name, replaced)
+            value = global_value(part, name, replaced)
             if is_kernel(value) and value not in seen:
                 seen.add(value)
                 todo.append(value)
@@ -110,7 +110,7 @@ def _function(function: FunctionType, parts: Parts) -> str:
     code, replaced, names = function.__code__, dict(parts), global_names(function.__code__)
     attributes = frozenset(name for inner in _codes(code) for name in inner.co_names)
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
-    values = (*(function.__defaults__ or ()), *cells, *(meant(function, name, replaced) for name in names))
+    values = (*(function.__defaults__ or ()), *cells, *(global_value(function, name, replaced) for name in names))
     marked = f"{function.__qualname__} {hasattr(function, '__noinline__')}"
     return _digest([marked, *_code(code), *names, *(_value(value, attributes, parts) for value in values)])
 

@@ -4,7 +4,7 @@ from functools import wraps
 from inspect import Signature, signature
 from typing import Any, TypeVar
 
-from bowden.core.arguments import said
+from bowden.core.arguments import format_value
 from bowden.core.errors import ParameterError, near
 from bowden.core.guesses import answering_fields
 from bowden.core.quantity import declared
@@ -56,7 +56,9 @@ def part(kind: Kind) -> Kind:
         for name, value in (*zip(fields, given, strict=False), *named.items()):
             if isinstance(value, _NO_NUMBER):
                 raise ParameterError(
-                    f"{kind.__name__}: {name} is {said(value)}", expected="a number, in SI and radians", do="give one"
+                    f"{kind.__name__}: {name} is {format_value(value)}",
+                    expected="a number, in SI and radians",
+                    do="give one",
                 )
             if name in hinted and isinstance(value, int | float) and value > hinted[name].ends[1]:
                 raise ParameterError(

@@ -191,7 +191,7 @@ def scored(
     of, where = (wearer_file.read(Path(wearer)), str(wearer)) if isinstance(wearer, str | Path) else (wearer, "wearer")
     if of is not None and not isinstance(of, MuscleCalibration):
         raise ParameterError(
-            f"wearer is {arguments.said(of)}",
+            f"wearer is {arguments.format_value(of)}",
             expected="what emg_calibrate returns, or its file",
             do="call emg_calibrate first, or leave it out",
         )
@@ -296,7 +296,7 @@ def _spans(labels: Any) -> Spans | None:
         pairs = [(float(onset), float(end)) for onset, end in labels]
     except (TypeError, ValueError):
         raise ParameterError(
-            f"labels is {arguments.said(labels)}",
+            f"labels is {arguments.format_value(labels)}",
             expected="a file, or pairs of onset and end in seconds",
             do="write [(3.0, 5.0)], for example",
         ) from None

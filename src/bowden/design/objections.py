@@ -12,6 +12,7 @@ from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, Poin
 from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
+from bowden.design.power import unpowered
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.user_plant import UserPlant
@@ -43,10 +44,10 @@ _ROUNDED = 0.005
 
 def objections(rig: Rig) -> tuple[str, ...]:
     """What is wrong with a rig that `bowden run` refuses, in sentences; empty if it takes it."""
-    found = []
+    found, all_of_it = [], [own for joint in rig.each_joint for _, own, _ in joint.motors]
     for joint in rig.each_joint:
         for name, own, _ in joint.motors:
-            said = _of_motor(own, joint)
+            said = [*_of_motor(own, joint), *map(str, unpowered(own, all_of_it))]
             found += [f"motor {quoted(name)}: {one}" if name else one for one in said]
     return tuple(found)
 

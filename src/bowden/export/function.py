@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel_content import is_kernel, meant, reaching
+from bowden.core.kernel_content import global_value, is_kernel, reaching
 from bowden.core.nested import is_named
 from bowden.core.primitives import cos, exp, floor, log, power, sin, sqrt, tanh
 from bowden.export.kinds import (
@@ -373,7 +373,7 @@ class Function:
             case ast.Name(id=name) if name in self.kinds or name in self.assigned:
                 pass
             case ast.Name(id=name) if name in self.function.__globals__:
-                found = meant(self.function, name, self.parts)
+                found = global_value(self.function, name, self.parts)
             case ast.Name(id=name):
                 found = {**vars(builtins), **inspect.getclosurevars(self.function).nonlocals}.get(name, _NOTHING)
             case ast.Attribute(value=owner, attr=name) if (whole := self._looked_up(owner)) is not _LOCAL:

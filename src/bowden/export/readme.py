@@ -1,6 +1,8 @@
 """What goes with exported code: the page, the Makefile, a run that is replayed, the example for an Arduino core."""
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,18 +19,32 @@ from bowden.rig.rig import Rig
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -O2 -ffp-contract=off"
 """Every operation rounds as in Python only where products are not fused with sums, and nothing is reordered."""
 
-CHIP = (
-    "arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -O2 -ffp-contract=off "
-    "-std=c99 -pedantic -Wall -Wextra -Werror -ffunction-sections"
-)
-"""Compiler and options for a Cortex-M4F."""
+ARM = "arm-none-eabi-gcc -mthumb -mfloat-abi=hard"
+
+
+class Hardware(NamedTuple):
+    """A kind of hardware."""
+
+    single: bool
+    """True if it has `float` alone; a Cortex-M7 is taken for one with `double`, as that of a Teensy 4."""
+    compiler: str
+    """With the options of its processor."""
+    platform: str
+    """Of PlatformIO; likewise `board`, one with this processor."""
+    board: str
+
+
+TARGETS = {
+    "cortex-m4f": Hardware(True, f"{ARM} -mcpu=cortex-m4 -mfpu=fpv4-sp-d16", "ststm32", "nucleo_f446re"),
+    "cortex-m33": Hardware(True, f"{ARM} -mcpu=cortex-m33 -mfpu=fpv5-sp-d16", "ststm32", "nucleo_l552ze_q"),
+    "cortex-m7": Hardware(False, f"{ARM} -mcpu=cortex-m7 -mfpu=fpv5-d16", "teensy", "teensy41"),
+    "esp32": Hardware(True, "xtensa-esp32-elf-gcc -mlongcalls", "espressif32", "esp32dev"),
+}
+TARGETS["host"] = TARGETS["cortex-m7"]
 FILES = ("loop.h", "loop.c", "board.cpp", "arduino.cpp", "platformio.ini", "replay.c", "Makefile", "README.md")
 """Beside the modules and the recording."""
 YOURS = ("board.cpp", "platformio.ini")
 """Files that the user fills in: an export leaves them as they are where they are there."""
-
-TARGETS = {"host": False, "cortex-m4f": True, "cortex-m33": True, "cortex-m7": False, "esp32": True}
-"""Target → whether its hardware has float alone; a Cortex-M7 is taken for one with double, as that of a Teensy 4."""
 
 _WATCHED = 600.0
 """For so long a reference is looked at, for its range and its largest speed [s]."""
@@ -40,7 +56,14 @@ COLUMNS = (
 
 
 def pages(
-    rig: Rig, modules: Sequence[Module], encoders: Counts | SpoolMap, said: str, rate: float, *, single: bool
+    rig: Rig,
+    modules: Sequence[Module],
+    encoders: Counts | SpoolMap,
+    said: str,
+    rate: float,
+    target: Hardware,
+    *,
+    single: bool,
 ) -> dict[str, str]:
     """Name → text of the loop, of the board's part of it, and of a C program that replays a recorded run of the law.
 
@@ -50,6 +73,7 @@ def pages(
         encoders: the rig's, or the suit's spool.
         said: what the code was made from.
         rate: samples of EMG a second [Hz].
+        target: on which it is to run.
         single: the law is in float, and its commands are not expected to be the recorded ones to the bit.
     """
     step, detector = modules[0].functions[1], modules[-1] if modules[2:] else None
@@ -64,7 +88,8 @@ def pages(
         "counts": encoders if isinstance(encoders, Counts) else None,
         "unit": "counts" if isinstance(encoders, Counts) else "spool",
         "flags": FLAGS,
-        "chip": CHIP,
+        "target": target,
+        "step": math.degrees(rig.supervisor_limits.target_speed * rig.sample_time),
         "period": rig.sample_time,
         "detector": detector and detector.prefix,
         "detector_state": detector and detector.functions[1].kinds["state"].name,
@@ -75,6 +100,8 @@ def pages(
         "levels": rig.emg.levels,
         "low": course.intent.low if detector else float(f"{low:.7g}"),
         "high": f"{high:.7g}",
+        "low_deg": math.degrees(course.intent.low if detector else low),
+        "high_deg": math.degrees(high),
         "duration": f"{PEAK_SPEED * (high - low) / fastest:.6g}" if fastest > 0.0 else "2",
         "single": single,
         "ways": [way for way, _ in numbers(step.kinds["state"])],

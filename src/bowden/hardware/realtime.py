@@ -36,7 +36,7 @@ class Grant(Documented):
 
     name: str
     granted: bool
-    said: str
+    detail: str
     """Privilege in force, or the reason for which it was refused."""
     remedy: str = ""
     """What to change; empty where it was granted."""

@@ -48,7 +48,7 @@ def _log_of(given: Any, what: str, layout: Layout, name: str) -> Log:
         return read_file(arguments.path_of(given, "read_log: path"), layout)
     if not isinstance(given, Log | Trace):
         raise ParameterError(
-            f"{what} is {arguments.said(given)}",
+            f"{what} is {arguments.format_value(given)}",
             expected="a path, a Log of bowden.read_log, or a Trace",
             do="give arrays as bowden.identify(time, motor, joint)",
         )
@@ -78,7 +78,7 @@ def _of_arrays(given: Any, layout: Layout, name: str) -> Log:
     nothing = all(one is None for one in signals.values())
     for what, value in signals.items():
         if value is None or odd:
-            missing = f"log is {arguments.said(given)}" if odd else f"{'log' if nothing else what} is missing"
+            missing = f"log is {arguments.format_value(given)}" if odd else f"{'log' if nothing else what} is missing"
             raise ParameterError(
                 f"identify: {missing}",
                 expected="files, or three arrays: identify(time, motor, joint)",
@@ -125,7 +125,7 @@ def known_cable(model: Any, logs: int) -> IdentifiedCable | None:
     if isinstance(model, Fit):
         return dataclasses.replace(model.best.identified(), units=model.units, judged=model.judged_rms)
     raise ParameterError(
-        f"identify: model is {arguments.said(model)}",
+        f"identify: model is {arguments.format_value(model)}",
         expected="a model.toml, or what bowden.identify gives",
         do="identify a log first",
     )

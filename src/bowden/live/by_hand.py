@@ -212,35 +212,11 @@ def require_confirmed(rig: Rig, motor: str = "") -> None:
     Raises:
         SafetyError: nobody has, for this drive and these scales.
     """
-    if not family_of(rig.drive).simulated(rig.drive):
-        _require_seen(rig)
     if not confirmed(rig):
         raise SafetyError(
             "no angle has been confirmed by hand on this drive with these scales and directions",
             expected="the joint turned once by hand, without power, and compared with both encoders",
             do=shlex.join(["bowden", "confirm", rig.origin, *(["--motor", motor] if motor else [])]),
-        )
-
-
-def _require_seen(rig: Rig) -> None:
-    """Refuse a joint whose angle cannot be trusted before anybody turns it.
-
-    Raises:
-        SafetyError: a limb by the motor's angle alone, or an IMU whose mounting nobody has calibrated.
-    """
-    sensor, limb = rig.joint_sensor, limb_of([rig])
-    if sensor.source == "motor" and limb:
-        raise SafetyError(
-            f"{limb} means a limb, which joint_sensor.source = 'motor' does not see: a torn cable looks whole",
-            expected="an encoder, an IMU or a stretch sensor at the joint",
-            do="fit one, or run a bare bench",
-        )
-    mounting = (sensor.axis, sensor.zero)
-    if sensor.source == "imu" and sensor.gives != "angle" and mounting == (ENCODER.axis, ENCODER.zero):
-        raise SafetyError(
-            "axis and zero of [joint_sensor] are the default ones: where the IMU sits is not known",
-            expected="those that a calibration gives",
-            do=shlex.join(["bowden", "calibrate", "joint", rig.origin]),
         )
 
 
@@ -277,54 +253,3 @@ def _serial(rig: Rig) -> str:
         return str(json.loads(_path(rig).read_text(encoding="utf-8"))["serial"])
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, RecursionError):
         return ""
-
-
-def unseen_watch(rig: Rig) -> str:
-    """What the user should know of a drive that may keep its torque without its host; empty of others."""
-    family = family_of(rig.drive)
-    unseen = family.unseen_watch(rig.drive)
-    if not unseen:
-        return ""
-    return (
-        f"{unseen}; so such a drive is powered on a bare bench alone (no_limb = true in [drive]), with no suit, EMG or "
-        "admittance"
-    )
-
-
-def limb_of(rigs: Iterable[Rig]) -> str:
-    """What in these rigs means that a limb is there; empty if nothing does."""
-    there = tuple(rigs)
-    limbs = {
-        "a suit": any(one.worn is not None for one in there),
-        "EMG": any(one.emg_run is not None for one in there),
-        "admittance": any(one.pushing is not None for one in there),
-    }
-    return next((what for what, means in limbs.items() if means), "")
-
-
-def require_watch(rig: Rig, beside: Iterable[Rig] = ()) -> None:
-    """Refuse a limb in a rig whose drive nobody can see to take its torque off when its host dies.
-
-    Args:
-        rig: with the drive.
-        beside: rigs of the other motors, in which there may be one.
-
-    Raises:
-        SafetyError: there is one, or nobody has said that there is none.
-    """
-    family, unseen = family_of(rig.drive), unseen_watch(rig)
-    if not unseen or family.simulated(rig.drive):
-        return
-    limb = limb_of((rig, *beside))
-    if limb:
-        raise SafetyError(
-            f"{limb} means a limb, and {family.unseen_watch(rig.drive)}",
-            expected="a drive whose watch over its host is tried or read back at every start",
-            do="take a drive of another family for a limb; this one is for a bare bench",
-        )
-    if not family.no_limb(rig.drive):
-        raise SafetyError(
-            f"nobody has said that no limb is in this rig, and {family.unseen_watch(rig.drive)}",
-            expected="no_limb = true in [drive], for a bare bench alone",
-            do="see to it as docs/drives.md says for this drive, try it by hand, and then say so",
-        )

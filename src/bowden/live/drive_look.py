@@ -76,7 +76,7 @@ class DriveLook:
         ages = {name: period * getattr(self.last, AGES[name]) for name in self.oldest}
         return {name: age for name, age in ages.items() if age > SILENT}
 
-    def said(self, explain: Callable[[int], str]) -> list[str]:
+    def explained(self, explain: Callable[[int], str]) -> list[str]:
         """Emergencies that the drive sent, in words."""
         return ["emergency stop" if code == EMERGENCY_STOP else explain(int(code)) for code in self.emergencies]
 
@@ -172,7 +172,7 @@ def tare(rig: Rig, readings: Sequence[DriveReading], load: float) -> Tare:
             expected=f"at most {STILL * most:.3g}",
             do="let the cable hang slack, keep still, and look for interference",
         )
-    if cell.there:
+    if cell.enabled:
         return Tare("load_cell", {"zero": cell.zero + (read - load) / cell.scale}, read, span, unit)
     family = family_of(rig.drive)
     assert family.tared is not None  # one that measures a load

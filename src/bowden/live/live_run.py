@@ -191,7 +191,7 @@ class Live:
     @property
     def braked(self) -> bool:
         """True if a holding brake works in it; while the motor is measured it stays released."""
-        return self.rig.brake.there and not self.measure
+        return self.rig.brake.enabled and not self.measure
 
     def brake(self, drive: Drive) -> BrakeHold | None:
         """The holding brake of the rig's drive, where it works."""
@@ -375,7 +375,7 @@ def _one_of(name: str, own: Rig, joint: RigJoint, kept: Rig) -> Live:
     if not joint.shared:
         return replace(live_run(own, logged=kept), name=name, joint=joint)
     contraction = joint.settings.co_contraction
-    made = live_run(pulling(own, contraction), logged=kept, joint_elsewhere=own is not joint.first)
+    made = live_run(with_co_contraction(own, contraction), logged=kept, joint_elsewhere=own is not joint.first)
     i, j = (joint.names.index(one) for one in (name, _neighbour(joint, name)))
     parting = parting_of(cabled_joint_of(joint), *joint_ranges(joint), i, j)
     allowed = made.limits._replace(
@@ -398,7 +398,7 @@ def _neighbour(joint: RigJoint, name: str) -> str:
     return joint.names[(joint.names.index(name) + 1) % len(joint.names)]
 
 
-def pulling(rig: Rig, co_contraction: float) -> Rig:
+def with_co_contraction(rig: Rig, co_contraction: float) -> Rig:
     """The rig of a motor that pulls so much further than the joint asks for [rad].
 
     Everything above the drive knows the joint's coordinate alone: the motor's home is moved.

@@ -46,8 +46,9 @@ def live_session(
     from bowden.design.forecast import foreseen, off_reference, own_run
     from bowden.design.objections import mismatches
     from bowden.design.other_law import CheckVerdict, verdicts
+    from bowden.design.power import require_power, unseen_watch
     from bowden.live import left_behind
-    from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
+    from bowden.live.by_hand import require_confirmed
     from bowden.live.emg_process import EmgProcess
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
@@ -60,7 +61,7 @@ def live_session(
     for motor in () if twin else live.motors:  # another run's bus is refused at once; the drive claims it for good
         left_behind.await_host(partial(family_of(motor.rig.drive).claim, motor.rig.drive), tell)
         with error_context(motor.said):
-            require_watch(motor.rig, [other.rig for other in live.motors])
+            require_power(motor.rig, [other.rig for other in live.motors])
         require_confirmed(motor.rig, motor.name or alone)
     with contextlib.ExitStack() as stack:
         loop = stack.enter_context(prepared_loop())

@@ -80,7 +80,7 @@ class DriveMonitor(DriveReadings, Result["DriveMonitor"]):
 
     silent_s: dict[str, float | None]
     """Longest time without an angle, of motor and joint; null where none ever came."""
-    said: tuple[str, ...]
+    emergencies: tuple[str, ...]
     """Emergencies that the drive sent, in words."""
     _: KW_ONLY
     look: "DriveLook | None"
@@ -189,11 +189,11 @@ def drive_monitor(
         return
     period = whole.sample_time
     silent = {name: round(period * look.oldest[name], 4) if name in look.oldest else None for name in AGES}
-    told = look.said(family_of(whole.drive).explain)
+    told = look.explained(family_of(whole.drive).explain)
     yield DriveMonitor(
         **_readings(look, identity),
         silent_s=silent,
-        said=tuple(told),
+        emergencies=tuple(told),
         look=look,
         period=period,
     )

@@ -20,12 +20,10 @@ if TYPE_CHECKING:
 
 RECORDED = 5.0
 """Length of the run that goes with the code, at most [s]."""
-_MARK = b"Written by bowden"
-"""In the beginning of what an export writes: of its README.md, and of each file of the law."""
+_MARK = "Written by bowden"
+"""In the first 500 bytes of what an export writes: of its README.md, and of each file of the law."""
 _TAKEN = ("replay", "loop", "board", "arduino", "math", "stdio", "stdlib", "string")
 """Names of files, which no law's may be."""
-_HEAD = 500
-"""Of a file, in which that stands [bytes]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -104,6 +102,7 @@ def export(
     >>> sorted(file.name for file in found.files)[-1]
     'uncompensated.h'
     """
+    import bowden
     from bowden.core.caller import argument
     from bowden.core.errors import ParameterError, near
     from bowden.core.files import output_folder, whole_files
@@ -113,7 +112,7 @@ def export(
     from bowden.export.readme import TARGETS, YOURS, pages
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
-    from bowden.rig.counts import counts_of, guessed
+    from bowden.rig.counts import Counts, counts_of, guessed
     from bowden.rig.notes import NO_SOURCE
 
     whole = given.under(given.rig_of(rig).only(motor), law, preset)
@@ -132,18 +131,25 @@ def export(
     if target not in TARGETS:
         do = f"correct {argument('target')}"
         raise ParameterError(f"there is no target {target!r}", expected=near(target, TARGETS), do=do)
-    float32 = float32 or TARGETS[target]
+    hardware = TARGETS[target]
+    float32 = float32 or hardware.single
     encoders, doubt, rate = counts_of(whole), guessed(whole), emg_rate or 2000.0
     modules = _modules(whole, own, encoders, rate if emg or emg_rate else None)
-    said = _said(name, own, preset, float32=float32, encoders=encoders) + (f" Beware: {doubt}." if doubt else "")
+    precision: Literal["double", "float"] = "float" if float32 else "double"
+    gains = f" with the preset {preset}" if preset else ""
+    said = f"{_MARK} {bowden.__version__}: the law {own.name}{gains} for {name}, in {precision}."
+    said += f" {encoders.notes()}" if isinstance(encoders, Counts) else ""
+    said += f" Beware: {doubt}." if doubt else ""
     if whole.worn is None and whole.plant is None:
         said += f" Its gains are judged for {whole.servo_text}."
-    texts = pages(whole, modules, encoders, said, rate, single=float32)
+    texts = pages(whole, modules, encoders, said, rate, hardware, single=float32)
     for module in modules:
         single = float32 and module.prefix != "safety"  # what it adds up over minutes needs more than a float
         texts |= files(module, said, single=single)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
     kept = [name for name in YOURS if (folder / name).exists()]
+    board = f"board = {hardware.board}"
+    other = "platformio.ini" in kept and board not in (folder / "platformio.ini").read_text(encoding="utf-8")
     texts = {name: text for name, text in texts.items() if name not in kept}
     with reported(progress, "export") as report:
         report(f"checking {own.name}", 0.3)
@@ -157,6 +163,9 @@ def export(
     notes = (
         doubt,
         f"{' and '.join(kept)} in {folder} stay as they are: they are yours" if kept else "",
+        f"platformio.ini names another board than one for {target} ({board}): see that it has this processor"
+        if other
+        else "",
         *(note for note in whole.notes if note != NO_SOURCE or not (emg or emg_rate)),
         *refused,
         verdict.note,
@@ -165,7 +174,7 @@ def export(
         rig=whole.hash,
         law=own.name,
         check=verdict.name,
-        precision="float" if float32 else "double",
+        precision=precision,
         modules=tuple(module.prefix for module in modules),
         files=tuple(folder / file for file in (*texts, "recording.csv")),
         notes=tuple(note for note in notes if note),
@@ -203,17 +212,6 @@ def limits_of(rig: "Rig", law: "Law") -> "Limits":
     return rig.supervisor_limits._replace(off_reference=off_reference(rig, law))
 
 
-def _said(rig: str, law: "Law", preset: str | None, *, float32: bool, encoders: "Counts | SpoolMap") -> str:
-    """What the code was made from."""
-    import bowden
-    from bowden.rig.counts import Counts
-
-    gains = f" with the preset {preset}" if preset else ""
-    kind = "float" if float32 else "double"
-    angles = f" {encoders.notes()}" if isinstance(encoders, Counts) else ""
-    return f"{_MARK.decode()} {bowden.__version__}: the law {law.name}{gains} for {rig}, in {kind}.{angles}"
-
-
 def _only_ours(folder: Path, names: set[str]) -> None:
     """Refuse a folder that is neither empty nor an earlier export of the same law; files of one's own beside that stay.
 
@@ -237,7 +235,7 @@ def _only_ours(folder: Path, names: set[str]) -> None:
 
 def _written(file: Path) -> bool:
     """True if an export has written it."""
-    return file.is_file() and _MARK in file.read_bytes()[:_HEAD]
+    return file.is_file() and _MARK.encode() in file.read_bytes()[:500]
 
 
 def _recording(rig: "Rig", law: "Law") -> str:

@@ -74,7 +74,7 @@ def init(model: "GivenModel", *, suit: bool = False, **parts: Any) -> "NewRig":
         kinds = (Fit, CableModel, IdentifiedCable)
         if not isinstance(model, kinds):
             raise ParameterError(
-                f"init: model is {arguments.said(model)}",
+                f"init: model is {arguments.format_value(model)}",
                 expected="a model.toml, or what bowden.identify gives",
                 do="identify a log first",
             )

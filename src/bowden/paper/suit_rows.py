@@ -140,11 +140,11 @@ def rested(law: Law, integral: float, rest: float, brake: HoldingBrake = NO_BRAK
     to = [angle * RADIANS for _ in range(5) for angle in ((0.0, 90.0, 90.0) if rest else (0.0, 90.0))] + [0.0]
     reference = PointToPoint(tuple(at), tuple(to))
     trace = run_suit(law, reference=reference, duration=5.0 * one, fit=suit_fit(), drive_integral=integral, brake=brake)
-    phase = trace["brake"] if brake.there else np.full(len(trace), ENGAGING)
+    phase = trace["brake"] if brake.enabled else np.full(len(trace), ENGAGING)
     engaged = (phase == ENGAGING) | (phase == HELD)
     return Rested(
         float(np.trapezoid(trace.power()[1], trace.time)) / 5.0,
-        float(np.trapezoid(brake_power(brake, phase), trace.time)) / 5.0 if brake.there else 0.0,
+        float(np.trapezoid(brake_power(brake, phase), trace.time)) / 5.0 if brake.enabled else 0.0,
         one * float(np.mean(~engaged)),
         float(np.max(np.abs(trace.error[trace.time > 2.0 * one]))) * DEGREES,
     )

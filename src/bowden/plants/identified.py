@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden import __version__
-from bowden.core.arguments import number, path_of, said
+from bowden.core.arguments import format_value, number, path_of
 from bowden.core.errors import ParameterError, error_context, near
 from bowden.core.files import write_text
 from bowden.core.guesses import Answering, answering
@@ -279,7 +279,7 @@ def held(given: Any) -> IdentifiedCable:
     given = given.identified() if isinstance(given, CableModel) else given
     if not isinstance(given, IdentifiedCable):
         raise ParameterError(
-            f"Rig: cable is {said(given)}",
+            f"Rig: cable is {format_value(given)}",
             expected="a BoucWen(slope=…), or what bowden.identify gives",
             do="of a file: Rig.read",
         )

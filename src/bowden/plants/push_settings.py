@@ -18,8 +18,8 @@ class AdmittanceSettings(NamedTuple):
     torque: Annotated[
         Literal["load_cell", "estimate"],
         Quantity(
-            "source of the interaction torque: measured, or estimated from current, angles and the cables' model; "
-            "bowden run measures with the one of [load_cell]"
+            "source of the interaction torque: measured by [load_cell], or estimated from current, angles and the "
+            "cables' model"
         ),
     ] = "load_cell"
     virtual_inertia: Annotated[

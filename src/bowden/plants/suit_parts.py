@@ -107,7 +107,7 @@ class Suit(NamedTuple):
             dt=float(self.sample_time),
             settling=round(SETTLING / self.sample_time),
         )
-        if self.brake.there:
+        if self.brake.enabled:
             return Dynamics(
                 "braked_suit",
                 BrakedSuit(made, gripped(made.suit, self.brake), self.brake, self._fastest),

@@ -117,7 +117,7 @@ class Trace(shown.Plotted, metaclass=Answering):
         for name, given in (("columns", self.columns), ("units", self.units), ("settings", self.settings)):
             if not isinstance(given, Mapping):
                 raise ParameterError(
-                    f"Trace: {name} is {arguments.said(given)}", expected="values by name", do="{'time': …}"
+                    f"Trace: {name} is {arguments.format_value(given)}", expected="values by name", do="{'time': …}"
                 )
         if not self.columns:
             raise ParameterError("Trace: columns is {}", expected="a signal or more", do="{'time': …, 'joint': …}")
@@ -208,7 +208,9 @@ class Trace(shown.Plotted, metaclass=Answering):
         """Columns and their units, with angles in ``rad`` or ``deg``."""
         if not isinstance(unit, str) or _SPELLINGS.get(unit, unit) not in ("rad", "deg"):
             raise ParameterError(
-                f"unit is {arguments.said(unit)}", expected="rad or deg, for all angles", do="ask for one of them"
+                f"unit is {arguments.format_value(unit)}",
+                expected="rad or deg, for all angles",
+                do="ask for one of them",
             )
         units = dict(self.units)
         if _SPELLINGS.get(unit, unit) == "deg":

@@ -24,11 +24,11 @@ class Counts(NamedTuple):
     def formulas(self) -> list[tuple[str, str]]:
         """Signal and formula, for a person."""
         sign = "-" if self.motor_direction < 0.0 else ""
-        motor = f"{sign}({self.motor_count:.6g}·counts {_plus(-self.motor_zero)})"
+        motor = f"{sign}({self.motor_count:.6g}·counts{_plus(-self.motor_zero)})"
         return [
             ("motor [rad]", motor),
-            ("joint [rad]", f"{self.joint_count:.6g}·counts {_plus(-self.joint_zero)}"),
-            ("target [counts]", f"({sign}command {_plus(self.motor_zero)})/{self.motor_count:.6g}"),
+            ("joint [rad]", f"{self.joint_count:.6g}·counts{_plus(-self.joint_zero)}"),
+            ("target [counts]", f"({sign}command{_plus(self.motor_zero)})/{self.motor_count:.6g}"),
         ]
 
     def notes(self) -> str:
@@ -41,7 +41,7 @@ class Counts(NamedTuple):
 
 
 def _plus(number: float) -> str:
-    return f"{'-' if number < 0.0 else '+'} {abs(number):.6g}"
+    return f" {'-' if number < 0.0 else '+'} {abs(number):.6g}" if number else ""
 
 
 def counts_of(rig: Rig) -> Counts | SpoolMap:

@@ -52,8 +52,8 @@ def supervisor_limits(rig: Rig) -> Limits:
         thermal=given.thermal._replace(resistance=rig.motor.resistance),
         measures_current=True,
         estimates_joint=rig.joint_sensor.estimated,
-        measures_tension=family.measures_tension(rig.drive) or (cell.there and cell.measures == "tension"),
-        measures_torque=family.measures_torque(rig.drive) or (cell.there and cell.measures == "torque"),
+        measures_tension=family.measures_tension(rig.drive) or (cell.enabled and cell.measures == "tension"),
+        measures_torque=family.measures_torque(rig.drive) or (cell.enabled and cell.measures == "torque"),
         lowering=min(given.lowering, fastest, math.inf if suit is None else ARM_LOWERING),
         force_release=min(FASTEST_RELEASE, fastest),
         taut=min(max(taut, given.motor_low), given.motor_high),
@@ -216,7 +216,7 @@ def check_load(rig: Rig) -> None:
     drive, cell, allowed = rig.drive, rig.load_cell, rig.supervisor_limits
     family = family_of(drive)
     at_drive = family.measures_tension(drive) or family.measures_torque(drive)
-    if at_drive and cell.there:
+    if at_drive and cell.enabled:
         raise ParameterError(
             "[load_cell] names a device, and [drive] has a load cell at the drive's input",
             expected="one load cell",
@@ -224,7 +224,7 @@ def check_load(rig: Rig) -> None:
         )
     torque = allowed.measures_torque
     most, key = (allowed.torque_high, "torque_high_nm") if torque else (allowed.tension_high, "tension_high_n")
-    if cell.there:
+    if cell.enabled:
         check_cell(cell, rig.sample_time, most, key)
         problem = collision(*devices(drive, cell)) if hasattr(drive, "interface") else ""
         if problem:

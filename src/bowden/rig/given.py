@@ -165,7 +165,7 @@ def check_whole(rig: Any) -> None:
     if rig.joint_sensor.estimated:
         with error_context(f"{rig.origin}: [joint_sensor]"):
             resolve("rig.joint_sensor:check")(rig.joint_sensor, rig.sample_time, rig.limits.joint_std)
-    if not rig.motors and rig.brake.there:
+    if not rig.motors and rig.brake.enabled:
         with error_context(f"{rig.origin}: [brake]"):
             resolve("rig.drive:check_brake")(rig)
 

@@ -63,7 +63,7 @@ class LoadCellParameters(NamedTuple):
     signed: Annotated[bool, Quantity("can: whether the number may be below 0")] = True
 
     @property
-    def there(self) -> bool:
+    def enabled(self) -> bool:
         """True if there is such a device."""
         return self.source != "none"
 
@@ -138,7 +138,7 @@ def check_cell(cell: LoadCellParameters, sample_time: float, most: float, key: s
 
 def moved_cell(cell: LoadCellParameters, channel: str | None, interface: str | None) -> LoadCellParameters:
     """The same load cell on another bus, where one is given; one with a bus of its own stays on one of its own."""
-    if not cell.there or cell.channel is None:
+    if not cell.enabled or cell.channel is None:
         return cell if interface is None or cell.interface is None else cell._replace(interface=interface)
     if channel is not None and not cell.channel.endswith(BESIDE):
         inside = "/" if "/" in channel else "-"  # of a folder, or a bare name
@@ -148,7 +148,7 @@ def moved_cell(cell: LoadCellParameters, channel: str | None, interface: str | N
 
 def devices(drive: Any, cell: LoadCellParameters) -> list[Any]:
     """What `collision` compares: the drive's parameters and, where there is one on a bus, its load cell."""
-    return [drive, resolve("hardware.drives.of_rig:device_of")(drive, cell)] if cell.there else [drive]
+    return [drive, resolve("hardware.drives.of_rig:device_of")(drive, cell)] if cell.enabled else [drive]
 
 
 def collision(one: Any, other: Any) -> str:

@@ -19,7 +19,7 @@ from bowden import __version__
 from bowden.control import LAWS, Law
 from bowden.control.law_file import LawFile, code_of_law, packable
 from bowden.control.recorded_motion import RecordedFile, RecordedMotion
-from bowden.core.arguments import said as shown
+from bowden.core.arguments import format_value as shown
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.kernel_content import code_of
 from bowden.models.cable.bouc_wen import BoucWen

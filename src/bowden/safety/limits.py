@@ -178,7 +178,7 @@ class Limits(NamedTuple):
     emg_age: Annotated[
         float,
         Quantity(
-            "age of the newest EMG sample that is still good; a reader that has not looked for a fifth of it is gone",
+            "age of the newest EMG sample that is still good",
             "s",
             ge=0.0,
             le=2.0,

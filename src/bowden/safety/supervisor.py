@@ -4,6 +4,16 @@ One cycle is: gather what can be seen (`safety.evidence`), run the detectors (`s
 reaction of those that their faults ask for (`safety.faults`), and from it the next mode, the power and the target. The
 requested target is passed on, or not at all: one that asks for more than range and speed allow is a fault, and what is
 sent meanwhile stays within both. A reading is used as it is or not at all.
+
+R1 holds the last target for `bridge_time`, 5 ms or one cycle; R2 lets the joint down, then takes the power off; R3
+takes it off at once. A fault that led to R2 or R3 is latched until an operator acknowledges. So, in a run:
+
+joint lost for 3 ms    R1: the mode is BRIDGING until it is back, and the run goes on.
+joint lost for 30 ms   R1 for 5 ms, then R2, also when it comes back: RELEASING, at its end LATCHED.
+stop in mid-stroke     Like R2, without a fault: RELEASING, at its end STOPPED. The next run begins with a preflight.
+drive silent           R3 once its heartbeat is older than `heartbeat_age`: LATCHED. A drive that does not hear that its
+                       power is off needs its own watchdog; one that shows torque all the same is NOT_DISABLED.
+recorder killed        No reaction: the run goes on. Until it is back nothing is armed, and no run begins.
 """
 
 from bowden.core.kernel import kernel
@@ -74,8 +84,8 @@ def supervise(
 
     starts = request == Request.RUN and observed.preflight == PreflightResult.PASSED and enabled and found == 0
     started = powered and (starts or last.started)
-    requested = reaction >= Reaction.R2 or request == Request.STOP or releasing
-    release = follow_release(limits, last, now, latched, requested, releasing, time, dt)
+    release_requested = reaction >= Reaction.R2 or request == Request.STOP or releasing
+    release = follow_release(limits, last, now, latched, release_requested, releasing, time, dt)
     mode = next_mode(last.mode, request, reaction, started, release.done, latched, active)
 
     target = next_target(limits, evidence, mode, requested_target, latched)
@@ -110,10 +120,10 @@ def bridged_time(limits: Limits, last: Decision, found: int, time: float) -> flo
 
 @kernel
 def reaction_to(limits: Limits, mode: Mode, found: int, bridged: float, dt: float) -> Reaction:
-    """The worst reaction to what was found.
+    """The worst reaction to what was found: of those that the faults ask for at once, while R1 may last.
 
-    R1 ends after `bridge_time`, with any worse reaction, and in a release. Without power, only a drive that keeps its
-    torque counts: there is nothing else to take away.
+    Once it has lasted for `bridge_time`, beside a worse reaction, and in a release: of those that they ask for
+    eventually. Without power, only a drive that keeps its torque counts: there is nothing else to take away.
     """
     at_once, eventually = worst_reaction(found, AT_ONCE), worst_reaction(found, EVENTUALLY)
     if not has_power(mode):

@@ -59,6 +59,7 @@ from bowden.sensing.onset_constants import (
     MUTED,
     REPEATS,
     SILENT,
+    SLOW,
     SLOW_HZ,
     SPREAD,
     STAYS,
@@ -68,7 +69,6 @@ from bowden.sensing.onset_constants import (
     STILL,
     STUCK,
     SURE,
-    SWAY,
     SWING_HZ,
     TAIL_SHARE,
     TOP_HZ,
@@ -115,7 +115,7 @@ class Onset(NamedTuple):
     wide: Biquad
     swing: Biquad
     steep: Biquad
-    sway: Biquad
+    slow: Biquad
     delay: tuple[int, int]
     """Whole samples of one mains period, for each of `MAINS`."""
     between: tuple[tuple[float, float, float, float], ...]
@@ -181,7 +181,7 @@ class Sections(NamedTuple):
     wide: Memory
     swing: Memory
     steep: Memory
-    sway: Memory
+    slow: Memory
 
 
 class Bands(NamedTuple):
@@ -191,7 +191,7 @@ class Bands(NamedTuple):
     wide: float
     swing: float
     low: float
-    sway: float
+    slow: float
 
 
 class Powers(NamedTuple):
@@ -207,7 +207,7 @@ class Powers(NamedTuple):
     """Square of the movement's recent peak."""
     low: float
     """From 20 to 30 Hz."""
-    sway: float
+    slow: float
     """Square of the recent peak from 5 to 15 Hz."""
 
 
@@ -309,7 +309,7 @@ def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
         wide=butterworth(WIDE_HZ, "high", rate),
         swing=butterworth(SWING_HZ, "high", rate),
         steep=butterworth(STEEP_HZ, "low", rate),
-        sway=butterworth(SLOW_HZ, "low", rate),
+        slow=butterworth(SLOW_HZ, "low", rate),
         delay=(whole[0], whole[1]),
         between=(_cubic(periods[0] - whole[0]), _cubic(periods[1] - whole[1])),
         dt=dt,
@@ -397,9 +397,9 @@ def filter_sample(onset: Onset, state: Sections, x: float) -> tuple[Sections, Ba
     wide, wide_part = biquad(onset.wide, state.wide, x)
     swing, swing_part = biquad(onset.swing, state.swing, x)
     steep, low_part = biquad(onset.steep, state.steep, wide_part)
-    sway, sway_part = biquad(onset.sway, state.sway, swing_part)
-    after = Sections(band_first, band_second, top, wide, swing, steep, sway)
-    return after, Bands(muscle, wide_part, swing_part, low_part, sway_part)
+    slow, slow_part = biquad(onset.slow, state.slow, swing_part)
+    after = Sections(band_first, band_second, top, wide, swing, steep, slow)
+    return after, Bands(muscle, wide_part, swing_part, low_part, slow_part)
 
 
 @kernel
@@ -451,7 +451,7 @@ def update_powers(onset: Onset, state: Powers, bands: Bands, squares: Ways) -> P
         new=state.new + onset.power * (_least(squares) - state.new),
         swing=max(bands.swing * bands.swing, state.swing * onset.swung),
         low=state.low + onset.power * (bands.low * bands.low - state.low),
-        sway=max(bands.sway * bands.sway, state.sway * onset.swung),
+        slow=max(bands.slow * bands.slow, state.slow * onset.swung),
     )
 
 
@@ -476,7 +476,7 @@ def trouble_of(dead: bool, railed: bool, powers: Powers, usual: float) -> Troubl
 @kernel
 def power_beside_rest(powers: Powers, size: float) -> float:
     """Power that hum, movement and the last contraction's tail put into the band: all of v₀ but rest."""
-    swinging = MOVED * powers.swing + min(STEEP * powers.low, SWAY * powers.sway)
+    swinging = MOVED * powers.swing + min(STEEP * powers.low, SLOW * powers.slow)
     return REPEATS * powers.band + BROAD * powers.wide + swinging + TAIL_SHARE * TAIL_SHARE * size
 
 

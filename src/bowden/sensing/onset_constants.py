@@ -72,5 +72,5 @@ STEEP_HZ, SLOW_HZ = 30.0, 15.0
 STEEP = 0.3
 """Power in the band of a swing, over that from `WIDE_HZ` to `STEEP_HZ`: noise that falls with the fourth power of the
 frequency from below 20 Hz on has 0.23 [–]."""
-SWAY = 0.02
+SLOW = 0.02
 """The same, at most, over the square of the recent peak from `SWING_HZ` to `SLOW_HZ` [–]."""

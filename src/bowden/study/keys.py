@@ -134,6 +134,6 @@ def missing_for(key: str, rig: Rig) -> str | None:
         return SWITCHES[section][3]
     if section == "admittance" and not rig.admittance.enabled:
         return SWITCHES[section][3]
-    if section == "brake" and not rig.brake.there:
+    if section == "brake" and not rig.brake.enabled:
         return SWITCHES[section][3]
     return next((f"another rig: {one.why}" for one in idle(rig) if one.key == key), None)

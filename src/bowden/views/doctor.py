@@ -11,7 +11,7 @@ def show_doctor(found: Diagnosis, call: Call) -> None:
     print(f"kernel      {here.release}, {here.preemption}")
     print(f"clock       {here.clock_source}; processors {', '.join(map(str, here.processors))}")
     for grant in (*found.privileges, *found.granted):
-        print(f"{'may' if grant.granted else 'MAY NOT':11} {grant.name}: {grant.said}")
+        print(f"{'may' if grant.granted else 'MAY NOT':11} {grant.name}: {grant.detail}")
     print(f"\nlateness of {late.cycles} wakings, one in {found.period_ms:g} ms")
     print(f"  p50 {late.p50_us:.0f}  p99 {late.p99_us:.0f}  p99.9 {late.p999_us:.0f}  max {late.max_us:.0f} µs")
     most = max(bucket.cycles for bucket in found.histogram)

@@ -39,7 +39,7 @@ def show_drive_monitor(found: DriveMonitor, call: Call) -> None:
             lines.append((name, "not measured"))
     silent = {name: found.period * age for name, age in look.oldest.items() if found.period * age > SILENT}
     lines += [("silent", f"the {name}'s angle, for {age:.1f} s at the longest") for name, age in silent.items()]
-    rows([*lines, *(("emergency", text) for text in found.said)], least=12)
+    rows([*lines, *(("emergency", text) for text in found.emergencies)], least=12)
     if not look.silent_now(found.period):
         say_next("confirm", call["rig"], *call.repeated("motor", "channel"))
 

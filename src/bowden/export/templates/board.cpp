@@ -2,7 +2,9 @@
  * As exported nothing moves: board_may_move() says no, and no reading comes. Units are those of safety.h.
  */
 
+#ifdef ARDUINO
 #include <Arduino.h>
+#endif
 #include <math.h>
 
 #include "loop.h"
@@ -54,7 +56,7 @@ bool board_may_move(void)
 }
 
 /* Armed, before the law: move the motor a little, and look whether motor, joint and current answer, each the right way.
- * `*target` is where the motor was when it was armed [rad]: add a smooth motion of some degrees that ends where it began. */
+ * It is asked once the drive says that it is enabled; `seconds` count from there. `*target` is where the motor was when it was armed [rad]: add a smooth motion of some degrees that ends where it began. */
 safety_PreflightResult board_preflight(double seconds, const safety_DriveReading *reading, double *target)
 {
     (void)seconds, (void)reading, (void)target;

@@ -20,7 +20,7 @@ static safety_Sample sample; /* the last valid angles */
 static double motor_age, joint_age; /* since a reading came [cycles] */
 static safety_Mode mode; /* of the supervisor; while it bridges a gap, the one before */
 static double armed_at; /* where the motor was when it was armed [rad] */
-static double since; /* this mode began [s] */
+static double since; /* this mode began, the preflight with an enabled drive [s] */
 static safety_PreflightResult preflight;
 static [[name]]_real from, to, elapsed_way; /* of the motion [rad, rad, s] */
 static loop_Cycle cycle;
@@ -190,10 +190,12 @@ void loop_cycle(const double lateness, const double elapsed)
     cycle.requested_target = supervisor.target;
     cycle.source = 0;
     if (mode == SAFETY_MODE_PREFLIGHT) {
-        armed_at = begins || !supervisor.servo.enabled ? supervisor.target : armed_at;
+        const bool waits = begins || !supervisor.servo.enabled; /* for the drive */
+        armed_at = waits ? supervisor.target : armed_at;
+        since = waits ? 0.0 : since;
         cycle.requested_target = armed_at;
         cycle.source = 1;
-        if (preflight == SAFETY_PREFLIGHT_RESULT_PENDING) {
+        if (preflight == SAFETY_PREFLIGHT_RESULT_PENDING && !waits) {
             preflight = board_preflight(since, &observed.reading, &cycle.requested_target);
         }
     } else if (mode == SAFETY_MODE_RUNNING) {

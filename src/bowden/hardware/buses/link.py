@@ -141,7 +141,7 @@ class BusLink:
         return found
 
     def send(self, identifier: int, data: bytes) -> None:
-        """Send a frame, see `opening.putter`; what cannot be sent is counted."""
+        """Send a frame, see `opening.putter`; never raises: what cannot be sent is counted."""
         try:
             self.put(identifier, data)
         except (can.CanError, OSError):
@@ -155,7 +155,13 @@ class BusLink:
             self.send(identifier, b"")
 
     def gather(self, identifier: int, writes: Sequence[tuple[bytes, bytes]], ask: tuple[bytes, bytes]) -> None:
-        """Send what all have gathered once the last of them has, as a frame for each head; questions last."""
+        """Keep what a drive writes in a cycle, and whom it asks; once the last one has, send a frame for each head.
+
+        Args:
+            identifier: of the frames.
+            writes: head of a frame, and this drive's part of it.
+            ask: the same of a question, which goes out last.
+        """
         for head, part in writes:
             self._writes[head] = self._writes.get(head, b"") + part
         self._asks[ask[0]] = self._asks.get(ask[0], b"") + ask[1]
@@ -182,6 +188,7 @@ class BusPort:
         """Whether what it sends for the whole bus waits for the others who do so; False while it is let go of alone."""
         self.restore: Callable[[], None] | None = None
         self._link, self._wanted, self._emptied = link, wanted, emptied
+        self.send, self.gather = link.send, link.gather
         self._frames: deque[Frame] = deque(maxlen=_MOST_WAITING)
 
     @property
@@ -200,10 +207,6 @@ class BusPort:
         found = list(self._frames)
         self._frames.clear()
         return found
-
-    def send(self, identifier: int, data: bytes) -> None:
-        """Send a frame, see `opening.putter`; never raises: what cannot be sent is counted."""
-        self._link.send(identifier, data)
 
     def send_now(self, identifier: int, data: bytes) -> None:
         """Send a frame at bring-up.
@@ -225,16 +228,6 @@ class BusPort:
             self._link.sync(identifier)
         else:
             self.send(identifier, b"")
-
-    def gather(self, identifier: int, writes: Sequence[tuple[bytes, bytes]], ask: tuple[bytes, bytes]) -> None:
-        """What this drive writes in a cycle, and whom it asks, in frames that it shares with the others on the line.
-
-        Args:
-            identifier: of the frames.
-            writes: head of a frame, and this drive's part of it.
-            ask: the same of a question.
-        """
-        self._link.gather(identifier, writes, ask)
 
     def disturbed(self) -> None:
         """What this drive's bring-up sent for the whole bus has reached the others too: each restores itself."""

@@ -25,7 +25,7 @@ from bowden.hardware.drives.families import ak_mit
 from bowden.hardware.drives.families.ak_mit import UPLOAD, AkParameters, command_id, model_of, motor_scale, reply_id
 from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import LimitedRange, bounded_torque, motor_limits, nearest
+from bowden.hardware.drives.scale import LimitedRange, bounded_torque, counts_at_home, motor_limits
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -82,11 +82,8 @@ class AkDrive(Driver):
                 expected="a motor that stands still, within its range",
                 do="bring the motor near its zero by hand; check drive.model and the drive's encoder",
             )
-        last, home = replies[-1], 0.0
-        if drive.home == "here":
-            home = last.position
-        elif drive.home == "hint":
-            home = last.position - nearest(last.position, self.turn, motor_scale(drive).counts(drive.motor_hint))
+        last = replies[-1]
+        home = counts_at_home(drive, last.position, self.turn, motor_scale(drive))
         scale = self._scale = motor_scale(drive, home)
         try:
             ak_mit.check_range(drive, scale, "as it counts them now")

@@ -133,8 +133,8 @@ def restore(port: BusPort, drive: DriveParameters) -> None:
 def _reset(node: Dialogue, drive: DriveParameters) -> None:
     """Reset the fault of a lost host."""
     for word in (Controlword.DISABLE_VOLTAGE, Controlword.FAULT_RESET, Controlword.DISABLE_VOLTAGE):
-        push = 0 if drive.needs.torque_offset > 0.0 else None
-        node.send(frames.RPDO1 + drive.node_id, frames.pack_rpdo1(word, 0, push))
+        push = (0,) if drive.needs.torque_offset > 0.0 else ()
+        node.send(frames.RPDO1 + drive.node_id, frames.ORDER.pack(word, 0, *push))
         node.send(frames.SYNC, b"")
     if not node.waits(drive.answer_timeout, lambda: decode(node.read(0x6041)) is not DriveState.FAULT):
         raise DriveError(
@@ -280,11 +280,11 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
         node.write(index, 0, DISABLE, 2)
     node.switch_off((0x1401, 0x1402, 0x1403, 0x1802, 0x1803))
     _map_orders(node, drive)
-    node.map_pdo(0x1800, NO_REMOTE | frames.TPDO1 + drive.node_id, frames.TPDO1_MAPPING)
+    node.map_pdo(0x1800, NO_REMOTE | frames.TPDO1 + drive.node_id, frames.MOTION.mapping)
     try:
-        node.map_pdo(0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING)
+        node.map_pdo(0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.SENSORS.mapping)
     except DriveError:  # older EPOS4 cannot map 3201h, the power stage's temperature
-        node.map_pdo(0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING[:2])
+        node.map_pdo(0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.SENSORS.mapping[:2])
     _map_inputs(node, drive)
     _release_brake(node, drive)
     node.write(0x1017, 0, round(1e3 * drive.drive_heartbeat_time), 2)
@@ -320,11 +320,11 @@ def _map_orders(node: Dialogue, drive: DriveParameters) -> None:
     if drive.needs.torque_offset == 0.0:
         if node.read_if_there(0x60B2):
             node.write(0x60B2, 0, 0, 2)
-        node.map_pdo(0x1400, cob_id, frames.RPDO1_MAPPING)
+        node.map_pdo(0x1400, cob_id, frames.ORDER.mapping[:2])
         return
     said = f"{node.name} takes no torque offset beside its target"
     with _wanted(said, "a drive that maps object 60B2h", "set suit.friction_feedforward_nm to 0"):
-        node.map_pdo(0x1400, cob_id, (*frames.RPDO1_MAPPING, frames.TORQUE_OFFSET))
+        node.map_pdo(0x1400, cob_id, frames.ORDER.mapping)
 
 
 def _map_inputs(node: Dialogue, drive: DriveParameters) -> None:
@@ -333,7 +333,7 @@ def _map_inputs(node: Dialogue, drive: DriveParameters) -> None:
         return
     said = f"{node.name} does not send its digital inputs in every cycle"
     with _wanted(said, "a drive that maps object 60FDh", "set drive.emergency_stop_input to -1"):
-        node.map_pdo(0x1802, NO_REMOTE | frames.TPDO3 + drive.node_id, frames.TPDO3_MAPPING)
+        node.map_pdo(0x1802, NO_REMOTE | frames.TPDO3 + drive.node_id, frames.INPUTS.mapping)
 
 
 @contextlib.contextmanager
@@ -516,29 +516,28 @@ class CanopenDrive(Driver):
         readings, drive, found = self._readings, self._drive, self._found
         if found is None or found.joint is None:
             return False
-        if cob_id == self._tpdo1 and (motion := frames.unpack_tpdo1(data)) is not None:
-            self._counts = motion.position
-            self._statusword_state = decode(motion.statusword)
-            current = self._current(motion.torque, found)
-            readings.moved(found.motor.angle(motion.position), current, readings.temperature, self._written)
+        if cob_id == self._tpdo1 and (motion := frames.MOTION.unpack(data)) is not None:
+            statusword, self._counts, torque = motion
+            self._statusword_state, current = decode(statusword), self._current(torque, found)
+            readings.moved(found.motor.angle(self._counts), current, readings.temperature, self._written)
             self._due -= 1.0
             if self._due < 0.0:  # not the drive's: it sends one for each SYNC
                 self._due = 0.0
                 readings.foreign += 1.0
-        elif cob_id == self._tpdo2 and (sensors := frames.unpack_tpdo2(data)) is not None:
-            readings.turned(found.joint.angle(sensors.joint))
-            readings.temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
+        elif cob_id == self._tpdo2 and (sensors := frames.SENSORS.unpack(data) or frames.SENSORS.unpack(data, 2)):
+            readings.turned(found.joint.angle(sensors[0]))
+            readings.temperature = 0.1 * sensors[2] if len(sensors) > 2 else math.nan
             if drive.tension_scale != 0.0:
-                readings.tension = load_of(drive, sensors.analog)
+                readings.tension = load_of(drive, sensors[1])
             elif drive.torque_scale != 0.0:
-                readings.joint_torque = load_of(drive, sensors.analog)
+                readings.joint_torque = load_of(drive, sensors[1])
         elif cob_id == self._beats and (state := frames.unpack_heartbeat(data)) is not None:
             readings.replied_at = now
             self._operational = self._operational and state == frames.OPERATIONAL
         elif cob_id == self._emergencies and (code := frames.unpack_emergency(data)):
             readings.found(EMERGENCY_STOP if code == SAFE_TORQUE_OFF else code)
-        elif cob_id == self._tpdo3 and (inputs := frames.unpack_tpdo3(data)) is not None and self._has_stop:
-            self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
+        elif cob_id == self._tpdo3 and (inputs := frames.INPUTS.unpack(data)) is not None and self._has_stop:
+            self._stop_released, self._inputs_age = bool(inputs[0] >> drive.emergency_stop_input & 1), 0
         elif cob_id == self._answers and (said := frames.unpack_sdo_answer(data)) is not None:
             self._see_watch(*said)
         else:
@@ -609,12 +608,12 @@ class CanopenDrive(Driver):
 
     def _order(self, control: int, counts: int, torque: float = 0.0) -> None:
         """RPDO 1 and the SYNC at which it is taken; the torque is at the spool [N·m]."""
-        drive, share = self._drive, None
+        drive, share = self._drive, tuple[int, ...]()
         if self._pushed and self._found is not None:
             most = drive.needs.gear * self._found.rated_torque
-            share = round(1e3 * drive.motor_direction * bounded_torque(torque, drive) / most)
-            share = max(-frames.INT16, min(frames.INT16 - 1, share))
-        self._send(self._rpdo, frames.pack_rpdo1(control, counts, share))
+            thousandths = round(1e3 * drive.motor_direction * bounded_torque(torque, drive) / most)
+            share = (max(-frames.INT16, min(frames.INT16 - 1, thousandths)),)
+        self._send(self._rpdo, frames.ORDER.pack(control, counts, *share))
         self._sync()
 
     @property
@@ -633,8 +632,8 @@ class CanopenDrive(Driver):
         self._order(Controlword.DISABLE_VOLTAGE, self._counts)
 
     def _torque_told(self, identifier: int, data: bytes) -> bool | None:
-        motion = frames.unpack_tpdo1(data) if identifier == self._tpdo1 else None
-        return None if motion is None else decode(motion.statusword) in WITH_TORQUE
+        motion = frames.MOTION.unpack(data) if identifier == self._tpdo1 else None
+        return None if motion is None else decode(motion[0]) in WITH_TORQUE
 
     def _let_go(self, left: TorqueLeft) -> None:
         """It stops watching our heartbeat only once it has said that it has no torque; and it is stopped."""

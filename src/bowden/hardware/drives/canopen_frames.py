@@ -38,37 +38,34 @@ STATE_AFTER = {NMT_START: OPERATIONAL, NMT_STOP: STOPPED, NMT_PRE_OPERATIONAL: P
 
 INT16, INT32 = 2**15, 2**31
 
-RPDO1_MAPPING = (0x6040_0010, 0x607A_0020)
-TORQUE_OFFSET = 0x60B2_0010
-"""Comes third where it is sent."""
-TPDO1_MAPPING = (0x6041_0010, 0x6064_0020, 0x6077_0010)
-TPDO2_MAPPING = (0x60E4_0220, 0x3160_0110, 0x3201_0110)
-TPDO3_MAPPING = (0x60FD_0020,)
-"""Index, sub-index and length in bits of what is mapped, as 1600h and 1A00h to 1A02h want it."""
 
-_RPDO1, _RPDO1_PUSHED, _TPDO1 = struct.Struct("<Hi"), struct.Struct("<Hih"), struct.Struct("<Hih")
-_TPDO2, _TPDO2_SHORT, _EMERGENCY = struct.Struct("<ihh"), struct.Struct("<ih"), struct.Struct("<HB")
+class Pdo(NamedTuple):
+    """Objects that go together in one frame, of which some devices have the first ones alone."""
 
+    mapping: tuple[int, ...]
+    """Index, sub-index and length in bits of each, as 1600h and 1A00h to 1A02h want it."""
+    form: str
+    """How `struct` has each."""
 
-class Motion(NamedTuple):
-    """Content of TPDO 1."""
+    def pack(self, *values: int) -> bytes:
+        """All of them, or the first ones, as bytes."""
+        return struct.pack("<" + self.form[: len(values)], *values)
 
-    statusword: int
-    position: int
-    """[counts]"""
-    torque: int
-    """[‰ of the rated torque]"""
+    def unpack(self, data: bytes | bytearray, count: int | None = None) -> tuple[int, ...] | None:
+        """All of them, or the first so many; None of any other number of bytes."""
+        form = "<" + self.form[:count]
+        return struct.unpack(form, data) if len(data) == struct.calcsize(form) else None
 
 
-class Sensors(NamedTuple):
-    """Content of TPDO 2."""
-
-    joint: int
-    """[counts]"""
-    analog: int
-    """[mV]"""
-    temperature: int | None
-    """[0.1 °C]; None of a drive that does not send it."""
+ORDER = Pdo((0x6040_0010, 0x607A_0020, 0x60B2_0010), "Hih")
+"""RPDO 1: controlword, target position [counts], torque offset [‰], where one is sent."""
+MOTION = Pdo((0x6041_0010, 0x6064_0020, 0x6077_0010), "Hih")
+"""TPDO 1: statusword, position [counts], torque [‰ of the rated torque]."""
+SENSORS = Pdo((0x60E4_0220, 0x3160_0110, 0x3201_0110), "ihh")
+"""TPDO 2: position of the joint [counts], analog input [mV], temperature [0.1 °C], where the drive can map it."""
+INPUTS = Pdo((0x60FD_0020,), "I")
+"""TPDO 3: digital inputs."""
+_EMERGENCY = struct.Struct("<HB")
 
 
 def of_the_host(node: int, host: int) -> frozenset[int]:
@@ -77,51 +74,6 @@ def of_the_host(node: int, host: int) -> frozenset[int]:
     """
     rpdos = (RPDO1 + 0x100 * i + node for i in range(4))
     return frozenset((NMT, SYNC, *rpdos, SDO_REQUEST + node, HEARTBEAT + host))
-
-
-def pack_rpdo1(control: int, target: int, torque: int | None = None) -> bytes:
-    """Controlword, target position [counts] and, where it is mapped, torque offset [‰] as bytes."""
-    return _RPDO1.pack(control, target) if torque is None else _RPDO1_PUSHED.pack(control, target, torque)
-
-
-def unpack_rpdo1(data: bytes | bytearray, *, pushed: bool = False) -> tuple[int, int, int] | None:
-    """Controlword, target position [counts] and torque offset [‰], 0 where it is not mapped; None of another length."""
-    if len(data) != (_RPDO1_PUSHED if pushed else _RPDO1).size:
-        return None
-    control, target, torque = _RPDO1_PUSHED.unpack(data) if pushed else (*_RPDO1.unpack(data), 0)
-    return control, target, torque
-
-
-def pack_tpdo1(motion: Motion) -> bytes:
-    """TPDO 1 as bytes."""
-    return _TPDO1.pack(*motion)
-
-
-def unpack_tpdo1(data: bytes | bytearray) -> Motion | None:
-    """TPDO 1; None of anything but 8 bytes."""
-    return Motion(*_TPDO1.unpack(data)) if len(data) == _TPDO1.size else None
-
-
-def pack_tpdo2(sensors: Sensors) -> bytes:
-    """TPDO 2 as bytes; without a temperature the six of the rest."""
-    if sensors.temperature is None:
-        return _TPDO2_SHORT.pack(*sensors[:2])
-    return _TPDO2.pack(*sensors)
-
-
-def unpack_tpdo2(data: bytes | bytearray) -> Sensors | None:
-    """TPDO 2; None of anything but 8 bytes, or 6 where the temperature is not mapped."""
-    if len(data) == _TPDO2.size:
-        return Sensors(*_TPDO2.unpack(data))
-    if len(data) != _TPDO2_SHORT.size:
-        return None
-    joint, analog = _TPDO2_SHORT.unpack(data)
-    return Sensors(joint, analog, None)
-
-
-def unpack_tpdo3(data: bytes | bytearray) -> int | None:
-    """The digital inputs of TPDO 3; None of anything but 4 bytes."""
-    return int.from_bytes(data, "little") if len(data) == 4 else None
 
 
 def pack_emergency(code: int, register: int) -> bytes:

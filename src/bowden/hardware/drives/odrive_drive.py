@@ -33,7 +33,7 @@ from bowden.hardware.drives.findings import LEFT, UNWATCHED, WATCH_EVERY
 from bowden.hardware.drives.odrive_endpoints import ENABLED, TIMEOUT, Endpoints, endpoints_of
 from bowden.hardware.drives.odrive_frames import WATCHDOG, AxisState, Beat, Cmd, errors_text, identifier_of, unpack
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import MotorLimits, motor_limits, nearest
+from bowden.hardware.drives.scale import MotorLimits, counts_at_home, motor_limits
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -266,11 +266,7 @@ def _turns_at_home(board: OdriveDialogue, drive: OdriveParameters) -> float:
             expected="a motor that stands still, and whose encoder is calibrated",
             do="hold it, and calibrate it with odrivetool",
         )
-    if drive.home == "here":
-        return last
-    if drive.home == "hint":
-        return last - nearest(last, 1.0, motor_scale(drive).counts(drive.motor_hint))
-    return 0.0
+    return counts_at_home(drive, last, 1.0, motor_scale(drive))
 
 
 def _check_range(board: OdriveDialogue, limits: MotorLimits) -> None:

@@ -120,7 +120,7 @@ def open_drive(parameters: Any, cell: LoadCellParameters, links: Any) -> Drive:
         ParameterError: the cell says no bus, and the drive has none.
     """
     drive = family_of(parameters).open(parameters, links)
-    if not cell.there:
+    if not cell.enabled:
         return drive
     found, shared = cell_place(parameters, cell)
     timeout = getattr(parameters, "answer_timeout", CELL_TIMEOUT)

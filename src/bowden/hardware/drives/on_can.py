@@ -31,13 +31,13 @@ MotorDirection = Annotated[
 ]
 Home = Annotated[
     Literal["counts", "here"],
-    Quantity("home is where positions are zero, or where motor and joint are found when a command begins (here)"),
+    Quantity("counts: home is where positions are zero; here: where motor and joint are found at the start"),
 ]
 HintedHome = Annotated[
     Literal["counts", "here", "hint"],
     Quantity(
-        "home is where positions are zero; where motor and joint are found when a command begins (here); or the zero "
-        "nearest to motor_hint_deg (hint)"
+        "counts: home is where positions are zero; here: where they are found at the start; hint: the zero nearest to "
+        "motor_hint_deg"
     ),
 ]
 MotorHome = Annotated[float, Quantity("angle of the spool at home", "rad", ge=-720.0, le=720.0)]
@@ -136,7 +136,8 @@ def check_turn(drive: Any, scale: Any, turn: float, forgets: str, expected: str,
             )
 
 
-ELSEWHERE = 'set home = "hint" with motor_hint_deg in [drive], or home = "here"; or '
+TELL_TURN = 'set home = "hint" with motor_hint_deg in [drive], or home = "here"; or '
+"""What to do where a drive forgets a turn."""
 
 _BOUNDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
 

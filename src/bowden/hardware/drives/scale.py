@@ -177,3 +177,17 @@ def nearest(angle: float, period: float, hint: float) -> float:
     3.2
     """
     return angle + period * round((hint - angle) / period)
+
+
+def counts_at_home(drive: Any, found: float, turn: float, scale: Scale | SuitScale) -> float:
+    """What the drive counts at home: where it is found, the zero nearest to a hint, or its own zero.
+
+    Args:
+        drive: its parameters.
+        found: what it counts now.
+        turn: that it may have lost with its supply, in counts.
+        scale: of its counts from its own zero.
+    """
+    if drive.home == "here":
+        return found
+    return found - nearest(found, turn, scale.counts(drive.motor_hint)) if drive.home == "hint" else 0.0

@@ -29,8 +29,8 @@ from bowden.hardware.drives.checklist import (
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.findings import JOINT_SERVO, UNWATCHED
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, motor_limits, nearest
-from bowden.hardware.drives.servo_table import BlockReader, ServoSample, joint_scale, motor_scale
+from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, counts_at_home, motor_limits
+from bowden.hardware.drives.servo_table import BlockReader, ServoSample, error_of, joint_scale, motor_scale
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -168,7 +168,7 @@ class ServoDialogue:
                 expected=f"{table.model}, {'a' if drive.family == 'dynamixel' else 'an'} {drive.model}",
                 do="correct drive.model, or node_id: another model has other counts, currents and addresses",
             )
-        check_settings(self.name, self.get, drive.supported())
+        check_settings(self.name, self.get, drive.setup.supported)
         if self.get("Torque Enable"):
             do = "end the program that holds it, or switch its supply off and on"
             raise refuse_torque(self.name, "torque: Torque Enable is 1", do)
@@ -212,7 +212,7 @@ class ServoDrive(Driver):
         self._goal_head = self._packets.sync_write(self._goal.address, self._goal.size)
         self._torque_head = self._packets.sync_write(torque.address, torque.size)
         self._numbers = (drive.node_id, drive.joint_node_id) if drive.joint == "servo" else (drive.node_id,)
-        self._fast = False
+        self._fast, self._watch = False, drive.setup.watch
         self._joint_scale, self._joint_zero = joint_scale(drive), 0.0
 
     def _concerns(self, identifier: int) -> bool:
@@ -226,8 +226,11 @@ class ServoDrive(Driver):
         servo = ServoDialogue(port, drive, drive.node_id)
         servo.bus.listen(LISTENING)
         first = servo.prepare()
-        check_settings(servo.name, servo.get, drive.settings())
-        for name, value in (*drive.cleared(), *drive.preset().items()):  # a watchdog that ran out locks what is set
+        check_settings(servo.name, servo.get, drive.setup.motor)
+        for name, value in (
+            *drive.setup.cleared,
+            *drive.setup.preset.items(),
+        ):  # a watchdog that ran out locks what is set
             servo.set(name, value)
         firmware = servo.get("Firmware Version")
         if drive.joint == "servo":
@@ -242,11 +245,11 @@ class ServoDrive(Driver):
                 expected="a motor that stands still",
                 do="hold it, and check what pulls at it",
             )
-        scale = motor_scale(drive, self._home(last.position))
+        scale = motor_scale(drive, counts_at_home(drive, last.position, self.turn, motor_scale(drive)))
         limits = motor_limits(drive, scale)
         self._check_limits(servo, scale, limits)
         servo.bus.check_alone()
-        error = drive.error_of(last)
+        error = error_of(last)
         who = f"{drive.model} at {servo.name}, firmware {firmware}"
         if error:
             who += f"; in fault, 0x{error:02X}"
@@ -258,23 +261,18 @@ class ServoDrive(Driver):
         drive = self._drive
         on_joint = ServoDialogue(port, drive, drive.joint_node_id)
         position = on_joint.prepare().position
-        check_settings(on_joint.name, on_joint.get, drive.settings_of_joint())
+        check_settings(on_joint.name, on_joint.get, drive.setup.joint)
         return float(position) if drive.home == "here" else 0.0
-
-    def _home(self, position: float) -> float:
-        """The motor's counts at home."""
-        drive, turn = self._drive, float(self._drive.table.turn)
-        if drive.home == "here":
-            return position
-        if drive.home == "hint":
-            return position - nearest(position, turn, motor_scale(drive).counts(drive.motor_hint))
-        return 0.0
 
     def _check_limits(self, servo: ServoDialogue, scale: Scale | SuitScale, limits: MotorLimits) -> None:
         """That the servo counts as far, that it finds its turn again after power-off, and that it gives the current."""
         drive, table = self._drive, self._drive.table
-        low, high = drive.after_power_off(servo.get)
-        inside = (drive.home != "counts" and drive.multi_turn) or all(
+        low, high = table.lowest, table.lowest + table.turn - 1
+        if "Homing Offset" in table.registers:
+            low, high = (end + servo.get("Homing Offset") for end in (low, high))
+        elif (least := servo.get("Min Position Limit")) < (most := servo.get("Max Position Limit")):
+            low, high = least, most
+        inside = (drive.home != "counts" and table.multi_turn) or all(
             not math.isfinite(end) or low <= end <= high for end in (limits.low, limits.high)
         )
         if not inside:
@@ -283,7 +281,7 @@ class ServoDrive(Driver):
                 f"between {low} and {high} after power-off",
                 expected="a range within that turn",
                 do="put the horn or the spool on so that it is, with motor_home_deg in [drive]; "
-                + ('or set home = "hint" with motor_hint_deg, or home = "here"' if drive.multi_turn else ""),
+                + ('or set home = "hint" with motor_hint_deg, or home = "here"' if table.multi_turn else ""),
             )
         if "Current Limit" in table.registers:
             own = table.current_step * servo.get("Current Limit")
@@ -320,8 +318,8 @@ class ServoDrive(Driver):
         self._torque, self._position = bool(sample.torque), sample.position
         if self._lost or found is None:
             return  # whatever it says: its position may be another
-        readings.failed(drive.error_of(sample))
-        if "Bus Watchdog" in drive.table.registers and sample.watch not in (drive.watch_count, 0xFF):
+        readings.failed(error_of(sample))
+        if "Bus Watchdog" in drive.table.registers and sample.watch not in (self._watch, 0xFF):
             readings.found(UNWATCHED)
         self._check_turns(float(sample.position), now)
         if self._lost:
@@ -373,7 +371,7 @@ class ServoDrive(Driver):
                 self._send(number, bytes((Instruction.REBOOT,)))
                 self._lost = True  # its turn may be another: it has to be brought up again
             else:
-                for name, value in drive.cleared():
+                for name, value in drive.setup.cleared:
                     register = drive.table.registers[name]
                     head = self._packets.sync_write(register.address, register.size)
                     self._send(ALL, head + bytes((number,)) + register.encode(value))
@@ -422,8 +420,7 @@ def probe(drive: Any, links: Links) -> list[FoundDevice]:
 
 def _told(servo: ServoDialogue, drive: Any) -> FoundDevice:
     model, torque = servo.get("Model Number"), servo.get("Torque Enable")
-    names = {one.model: name for name, one in drive.models().items()}
-    said = f"{names.get(model, 'a model that is not known here')} (number {model}), "
+    said = f"{drive.setup.names.get(model, 'a model that is not known here')} (number {model}), "
     said += f"firmware {servo.get('Firmware Version')}, at {servo.get('Present Position')} counts"
     state = DriveState.OPERATION_ENABLED if torque else DriveState.SWITCH_ON_DISABLED
     return FoundDevice(servo.number, "serial servo", said, state.name)

@@ -103,6 +103,8 @@ class ServoTable(NamedTuple):
     """Where the addresses stand of what is shown in one piece, and where it is shown; None where it is so anyhow."""
     watch_step: float = math.inf
     """Of a count of its watchdog; infinite of one without [s]."""
+    multi_turn: bool = True
+    """Whether it goes beyond a turn."""
 
     @property
     def packets(self) -> Packets:
@@ -132,6 +134,39 @@ class ServoTable(NamedTuple):
         return b"".join(
             (one.address + i).to_bytes(2, "little") for one in self.parts() if one is not None for i in range(one.size)
         )
+
+
+class ServoSetup(NamedTuple):
+    """What a family asks of the servos of a rig."""
+
+    motor: tuple[Setting, ...]
+    """What the motor's must be set to, by whoever owns it; see `servo_drive`."""
+    joint: tuple[Setting, ...]
+    """Likewise the one on the joint."""
+    preset: Mapping[str, int]
+    """What is written and read back at every bring-up, of what a servo forgets at power-off."""
+    as_new: Mapping[str, int]
+    """What one has in its registers that is set as the rig says; for its twin."""
+    names: Mapping[int, str]
+    """Number of a model → its name, of all that there are."""
+    supported: tuple[Setting, ...] = ()
+    """What each must be, before anything is asked of it in one piece."""
+    watch: int = 0
+    """Of its watchdog; 0 of one without."""
+
+    @property
+    def cleared(self) -> tuple[tuple[str, int], ...]:
+        """What is written when an operator acknowledges that its watchdog has run out."""
+        return (("Bus Watchdog", 0), ("Bus Watchdog", self.watch)) if self.watch else ()
+
+
+WATCH_RAN_OUT = 0x100
+"""Error of a servo whose watchdog has run out; below it is the hardware error status."""
+
+
+def error_of(sample: ServoSample) -> int:
+    """What is wrong with a servo, 0 for nothing."""
+    return sample.error | (WATCH_RAN_OUT if sample.watch == 0xFF else 0)
 
 
 class BlockReader:
@@ -209,9 +244,9 @@ def rules(drive: Any) -> Iterator[on_can.Rule]:
             do="raise bench.sample_time_ms, or the bit rate of the servos and of [drive]; lower their Return Delay "
             "Time and return_delay_ms",
         )
-    if drive.home == "counts" or not drive.multi_turn:
-        expected = "less than a turn" + (' with home = "counts"' if drive.multi_turn else "")
-        do = (on_can.ELSEWHERE if drive.multi_turn else "") + "make the range in [limits] smaller"
+    if drive.home == "counts" or not drive.table.multi_turn:
+        expected = "less than a turn" + (' with home = "counts"' if drive.table.multi_turn else "")
+        do = (on_can.TELL_TURN if drive.table.multi_turn else "") + "make the range in [limits] smaller"
         scale, turn = motor_scale(drive), float(drive.table.turn)
         on_can.check_turn(drive, scale, turn, "the servo, which forgets", expected, do)
 

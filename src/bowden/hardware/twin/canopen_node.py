@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
@@ -14,7 +14,6 @@ from bowden.hardware.twin.node import HOTTEST, TwinNode
 from bowden.hardware.twin.objects import Key, Objects, SdoAnswers, dictionary, overridden
 from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, torque_on_joint
 
-RPM = 30.0 / math.pi  # turns a minute in one rad/s
 LIMIT_ERROR, LAG_ERROR, OVER_TEMPERATURE = 0x8A82, 0x8611, 0x4210
 """Codes of the faults that the twin finds itself."""
 ALL_RELEASED = 0xFFFF_FFFF
@@ -22,15 +21,23 @@ ALL_RELEASED = 0xFFFF_FFFF
 STANDSTILL = 1e-6
 """Speed at which a quick stop is over [rad/s]."""
 
-WINDOW = 2.0
-"""Following error that the drive allows as it comes; one that was chosen for a rig allows what that asks for [rad]."""
-
-
 RATED_CURRENT = 4.0
 """Of the twin's motor; a stated choice [A]."""
 
-Sampled = tuple[frames.Motion, frames.Sensors]
-"""Both transmit PDOs; the statusword is put in later."""
+
+class PdoSample(NamedTuple):
+    """What both transmit PDOs tell, but for the statusword."""
+
+    motor: int
+    """[counts]"""
+    torque: int
+    """[‰ of the rated torque]"""
+    joint: int
+    """[counts]"""
+    analog: int
+    """[mV]"""
+    temperature: int
+    """[0.1 °C]"""
 
 
 class CanopenNode(TwinNode):
@@ -63,18 +70,8 @@ class CanopenNode(TwinNode):
         self._lagging_since = math.nan
         self._inputs = ALL_RELEASED
         self._next_heartbeat = -math.inf
-        bench, gear = self.bench, self._drive.needs.gear
-        speed, lag = bench.speed_limit * gear * RPM, max(WINDOW, self._drive.needs.following_error)
-        objects = dictionary(
-            self._drive.node_id,
-            rated_torque=RATED_CURRENT * self._drive.needs.torque_constant,
-            speed=math.ceil(speed) if speed < 50e3 else 50e3,
-            current=bench.current_limit,
-            window=math.ceil(lag * self._scale.steepest(-math.inf, math.inf) / abs(self._scale.step)),
-            braking=min(bench.physics.braking * gear * RPM, 2**31),
-            pushed=bench.torque_offset is not None,
-            braked=self._drive.brake_output != "none",
-        )
+        rated = RATED_CURRENT * self._drive.needs.torque_constant
+        objects = dictionary(self._drive, self.bench, self._scale, rated)
         entries = overridden(objects, self._overrides)
         current = {key: value for key, value in self._current_values().items() if key not in self._overrides}
         self.objects = Objects(entries, self._written, current)
@@ -86,12 +83,12 @@ class CanopenNode(TwinNode):
             (0x6041, 0): lambda: self._statusword(),
             (0x603F, 0): lambda: self.error,
             (0x6061, 0): lambda: self.objects[0x6060, 0],
-            (0x6064, 0): lambda: self._true()[0].position,
+            (0x6064, 0): lambda: self._true().motor,
             (0x60FD, 0): lambda: self._inputs,
-            (0x6077, 0): lambda: self._true()[0].torque,
-            (0x60E4, 2): lambda: self._true()[1].joint,
-            (0x3160, 1): lambda: self._true()[1].analog,
-            (0x3201, 1): lambda: self._true()[1].temperature or 0,
+            (0x6077, 0): lambda: self._true().torque,
+            (0x60E4, 2): lambda: self._true().joint,
+            (0x3160, 1): lambda: self._true().analog,
+            (0x3201, 1): lambda: self._true().temperature,
         }
 
     def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
@@ -107,7 +104,9 @@ class CanopenNode(TwinNode):
         elif cob_id in (frames.RPDO1 + node, frames.NMT) and self.faults.active("commands_ignored", now):
             pass
         elif cob_id == frames.RPDO1 + node and self.nmt == frames.OPERATIONAL:
-            self._pending = frames.unpack_rpdo1(data, pushed=self.objects[0x1600, 0] == 3) or self._pending
+            if (told := frames.ORDER.unpack(data, 3 if self.objects[0x1600, 0] == 3 else 2)) is not None:
+                control, target, *torque = told
+                self._pending = control, target, torque[0] if torque else 0
         elif cob_id == frames.SDO_REQUEST + node and self.nmt in (frames.OPERATIONAL, frames.PRE_OPERATIONAL):
             answer = self._sdo.answer(data)
             if answer is not None:
@@ -174,19 +173,16 @@ class CanopenNode(TwinNode):
             self._written((0x60B2, 0), torque)
             self._command(control, now)
         self._history.append(self._sample(now))
-        motion, sensors = self._delayed(now)
-        if self.objects[0x1A01, 0] < len(frames.TPDO2_MAPPING):
-            sensors = sensors._replace(temperature=None)
-        node = self._drive.node_id
+        motor, torque, *sensors = self._delayed(now)
+        sensors, node = sensors[: max(2, self.objects[0x1A01, 0])], self._drive.node_id
         if self.objects[0x1800, 1] >> 31 == 0:
             for _ in range(2 if self.faults.active("doubled_pdos", now) else 1):
-                self._outbox.emit_cyclic(
-                    frames.TPDO1 + node, frames.pack_tpdo1(motion._replace(statusword=self._statusword())), now
-                )
+                motion = frames.MOTION.pack(self._statusword(), motor, torque)
+                self._outbox.emit_cyclic(frames.TPDO1 + node, motion, now)
         if self.objects[0x1801, 1] >> 31 == 0:
-            self._outbox.emit_cyclic(frames.TPDO2 + node, frames.pack_tpdo2(sensors), now)
+            self._outbox.emit_cyclic(frames.TPDO2 + node, frames.SENSORS.pack(*sensors), now)
         if self.objects[0x1802, 1] >> 31 == 0:
-            self._outbox.emit_cyclic(frames.TPDO3 + node, self._inputs.to_bytes(4, "little"), now)
+            self._outbox.emit_cyclic(frames.TPDO3 + node, frames.INPUTS.pack(self._inputs), now)
 
     def _command(self, control: int, now: float) -> None:
         """A controlword: one step of the state machine, and what it means for the motor."""
@@ -294,26 +290,25 @@ class CanopenNode(TwinNode):
     def _statusword(self) -> int:
         return encode(self.state) | (0x1000 if self.state is DriveState.OPERATION_ENABLED else 0)
 
-    def _sample(self, now: float) -> Sampled:
+    def _sample(self, now: float) -> PdoSample:
         """What is measured at a SYNC, through the encoders' noise, with the faults that are there at `now` [s]."""
         return self._packed(*self._encoders(self._joint, now), self._current(now), now)
 
-    def _true(self) -> Sampled:
+    def _true(self) -> PdoSample:
         """The same without noise and faults."""
         bench = self.bench
         return self._packed(self._scale.counts(bench.motor), self._joint.counts(bench.joint), bench.current, -math.inf)
 
-    def _packed(self, motor: float, joint: float, current: float, now: float) -> Sampled:
+    def _packed(self, motor: float, joint: float, current: float, now: float) -> PdoSample:
         drive, bench = self._drive, self.bench
         scale, millivolts = drive.tension_scale or drive.torque_scale, 0.0
         if scale:
             load = bench.tension if drive.tension_scale else torque_on_joint(bench)
             load = self.faults.load(load, load_range(drive), now)
             millivolts = max(-drive.analog_range, min(drive.analog_range, load / scale + drive.tension_zero))
-        return (
-            frames.Motion(0, _int(motor, 31), _int(1e3 * drive.motor_direction * current / RATED_CURRENT, 15)),
-            frames.Sensors(_int(joint, 31), _int(millivolts, 15), _int(10.0 * bench.temperature, 15)),
-        )
+        torque = _int(1e3 * drive.motor_direction * current / RATED_CURRENT, 15)
+        angles = _int(motor, 31), torque, _int(joint, 31)
+        return PdoSample(*angles, _int(millivolts, 15), _int(10.0 * bench.temperature, 15))
 
 
 def _int(value: float, bits: int) -> int:

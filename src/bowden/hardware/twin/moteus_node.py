@@ -8,7 +8,7 @@ watchdog); mjbots/mjlib, mjlib/multiplex/micro_server.cc (order of replies, what
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from bowden.core.signals import DriveState
@@ -51,15 +51,14 @@ ONLY_INT32 = frozenset(
 
 
 class MoteusConsole:
-    """Takes bytes in and gives bytes out.
+    """Takes bytes in and gives bytes out; of its commands those that somebody sends to the twin.
 
     Args:
         configuration: name → value.
-        stop: what `d stop` does.
     """
 
-    def __init__(self, configuration: dict[str, float], stop: Callable[[], object]) -> None:
-        self.configuration, self._stop = configuration, stop
+    def __init__(self, configuration: dict[str, float]) -> None:
+        self.configuration = configuration
         self._heard, self._said = b"", b""
 
     def take(self, data: bytes) -> None:
@@ -80,21 +79,7 @@ class MoteusConsole:
             case ["conf", "get", name]:
                 value = self.configuration.get(name)
                 return "ERR error reading" if value is None else _text(value)
-            case ["conf", "set", name, value]:
-                try:
-                    number = float(value)
-                except ValueError:
-                    number = math.nan
-                    if value != "nan":
-                        return "ERR error setting"
-                if name not in self.configuration:
-                    return "ERR error setting"
-                self.configuration[name] = number
-                return "OK"
-            case ["d", "stop"]:
-                self._stop()
-                return "OK"
-            case ["tel", "stop" | "text"] | ["conf", "write"]:
+            case ["tel", "stop"]:
                 return "OK"
         return "ERR unknown command"
 
@@ -176,7 +161,7 @@ class MoteusNode(TwinNode):
         others = {name: value for name, value in self._overrides.items() if isinstance(name, str)}
         self._named |= {name: value for name, value in others.items() if value is not None}
         self._named = {name: value for name, value in self._named.items() if others.get(name, 0.0) is not None}
-        self.console = MoteusConsole(self._named, lambda: self._write(Register.MODE, BoardMode.STOPPED))
+        self.console = MoteusConsole(self._named)
 
     def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
         fault = self.fault if self.mode is BoardMode.FAULT else 0

@@ -8,6 +8,9 @@ from canopen.sdo.exceptions import SdoAbortedError
 from canopen.sdo.server import SdoServer
 
 from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives.families.cia402 import DriveParameters
+from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.twin.plant import TwinPlant
 
 Key = tuple[int, int]
 """Index and sub-index."""
@@ -121,29 +124,26 @@ def identity(node_id: int, device_type: int, name: bytes) -> dict[Key, Entry]:
     }
 
 
+RPM = 30.0 / math.pi
+"""Turns a minute in one rad/s."""
+WINDOW = 2.0
+"""Following error that the drive allows as it comes; one that was chosen for a rig allows what that asks for [rad]."""
+
+
 def dictionary(
-    node: int,
-    *,
-    rated_torque: float,
-    speed: float,
-    current: float,
-    window: float,
-    braking: float,
-    pushed: bool,
-    braked: bool,
+    drive: DriveParameters, bench: TwinPlant, scale: Scale | SuitScale, rated_torque: float
 ) -> dict[Key, Entry]:
     """The objects of an EPOS4-like servo drive, as they are after power-up.
 
     Args:
-        node: its number.
+        drive: of the rig.
+        bench: behind it.
+        scale: of its motor.
         rated_torque: [N·m]
-        speed: largest of the motor's shaft [turns/min].
-        current: largest [A].
-        window: of the following error [counts].
-        braking: quick stop deceleration of the motor's shaft [turns/min/s].
-        pushed: whether it takes a torque offset.
-        braked: whether it has an output for a holding brake.
     """
+    node, gear = drive.node_id, drive.needs.gear
+    speed, lag = bench.speed_limit * gear * RPM, max(WINDOW, drive.needs.following_error)
+    most, window = math.ceil(min(speed, 50e3)), lag * scale.steepest(-math.inf, math.inf) / abs(scale.step)
     largest = 2**31 - 1
     objects = identity(node, 0x0002_0192, b"bowden digital twin") | {
         (0x1016, 0): Entry(1, 2),
@@ -155,7 +155,7 @@ def dictionary(
         (0x1018, 4): Entry(4, 1),
         (0x1029, 0): Entry(1, 1),
         (0x1029, 1): Entry(1, 0, writable=True),
-        (0x3001, 2): Entry(4, math.ceil(1e3 * current)),
+        (0x3001, 2): Entry(4, math.ceil(1e3 * bench.current_limit)),
         (0x3160, 1): Entry(2, 0, signed=True),
         (0x3201, 1): Entry(2, 0, signed=True),
         (0x6007, 0): Entry(2, 1, writable=True, signed=True),
@@ -169,16 +169,16 @@ def dictionary(
         (0x6060, 0): Entry(1, 1, writable=True, signed=True),
         (0x6061, 0): Entry(1, 1, signed=True),
         (0x6064, 0): Entry(4, 0, signed=True),
-        (0x6065, 0): Entry(4, round(window), writable=True),
+        (0x6065, 0): Entry(4, math.ceil(window), writable=True),
         (0x6066, 0): Entry(2, 0, writable=True),
         (0x6076, 0): Entry(4, round(1e6 * rated_torque)),
         (0x6077, 0): Entry(2, 0, signed=True),
         (0x607A, 0): Entry(4, 0, writable=True, signed=True),
         (0x607D, 1): Entry(4, -largest - 1, writable=True, signed=True),
         (0x607D, 2): Entry(4, largest, writable=True, signed=True),
-        (0x607F, 0): Entry(4, round(speed), writable=True),
-        (0x6080, 0): Entry(4, round(speed), writable=True),
-        (0x6085, 0): Entry(4, round(braking), writable=True),
+        (0x607F, 0): Entry(4, most, writable=True),
+        (0x6080, 0): Entry(4, most, writable=True),
+        (0x6085, 0): Entry(4, round(min(bench.physics.braking * gear * RPM, 2**31)), writable=True),
         (0x60A9, 0): Entry(4, 0x00B4_4700, writable=True),
         (0x60C2, 1): Entry(1, 1, writable=True),
         (0x60C2, 2): Entry(1, -3, writable=True, signed=True),
@@ -186,9 +186,9 @@ def dictionary(
         (0x60FD, 0): Entry(4, 0xFFFF_FFFF),
         (0x6502, 0): Entry(4, 0x3A5),
     }
-    if pushed:
+    if bench.torque_offset is not None:
         objects[0x60B2, 0] = Entry(2, 0, writable=True, signed=True)
-    if braked:
+    if drive.brake_output != "none":
         objects |= {(0x60FE, 0): Entry(1, 2), **{(0x60FE, sub): Entry(4, 0, writable=True) for sub in (1, 2)}}
     for number in range(4):
         receive, transmit = frames.RPDO1 + 0x100 * number + node, frames.TPDO1 + 0x100 * number + node

@@ -21,7 +21,7 @@ def attach_load_cell(running: TwinProcess, rig: Rig) -> None:
         DriveError: its bus cannot be used.
     """
     cell = rig.load_cell
-    if not cell.there:
+    if not cell.enabled:
         return
     from bowden.hardware.twin.sensor_node import LoadCellNode
 

@@ -103,7 +103,7 @@ class ServoNode(TwinNode):
     def _prepare(self) -> Scale | SuitScale:
         drive, table = self._drive, self._drive.table
         self.turn = float(table.turn)
-        given = drive.as_new()
+        given = drive.setup.as_new
         registers = {key: int(value) for key, value in self._overrides.items() if isinstance(key, int)}
         self._own = ServoMemory(table, drive.node_id, given, registers)
         self._joint = ServoMemory(table, drive.joint_node_id, given, {}) if drive.joint == "servo" else None

@@ -105,7 +105,7 @@ class TwinSuit(TwinPlant):
         if self.brake_set != self._told[0]:
             self._told = self.brake_set, self._time
         if self._time - self._told[1] >= (brake.engage_delay if self.brake_set else brake.release_delay):
-            self._grips = self.brake_set and brake.there
+            self._grips = self.brake_set and brake.enabled
         return self._grips
 
     def _cabled(self) -> PreparedSuit:

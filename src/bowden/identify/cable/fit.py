@@ -119,10 +119,8 @@ class Fit:
         known model."""
         if "line" not in self.models or self.recalibration:
             return None
-        (one,), line = self.logs, self.models["line"]
-        return forecast(
-            one.log, one.split, one.predicted, line.parameters["slope"], self.chosen.test_rms, line.test_rms
-        )
+        line = self.models["line"]
+        return forecast(self.logs[0], line.parameters["slope"], self.chosen.test_rms, line.test_rms)
 
     def at(self, **values: float) -> CableModel:
         """The model at a load, at a bend, or both.

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.identify.cable.fitted import FittedLog
 from bowden.identify.cable.turns import motor_noise
-from bowden.identify.log.read import Log
 
 Array = NDArray[np.float64]
 
@@ -39,22 +39,19 @@ class Forecast(NamedTuple):
     shows in this log nor can be commanded; zero where the log shows no counts [rad]."""
 
 
-def forecast(log: Log, split: int, predicted: Array, slope: float, error: float, of_line: float) -> Forecast:
+def forecast(one: FittedLog, slope: float, error: float, of_line: float) -> Forecast:
     """See `Forecast`.
 
     Args:
-        log: what was fitted.
-        split: first sample of the second half.
-        predicted: joint angle of the recommended model (n,) [rad].
+        one: what was fitted, and how the recommended model predicts it.
         slope: of the straight line [rad/rad].
         error: of the recommended model on the second half [rad].
         of_line: the straight line's [rad].
     """
-    slope = abs(slope)
-    of_motor, of_joint = log.resolutions
+    of_motor, of_joint = one.log.resolutions
     counts = math.hypot(slope * of_motor, of_joint)
-    share = _share(log.motor[split:], predicted[split:], log.joint[split:] - predicted[split:], slope)
-    return Forecast(share * error, of_line, counts / math.sqrt(12.0))
+    motor, predicted, joint = (values[one.split :] for values in (one.log.motor, one.predicted, one.log.joint))
+    return Forecast(_share(motor, predicted, joint - predicted, abs(slope)) * error, of_line, counts / math.sqrt(12.0))
 
 
 def _share(motor: Array, model: Array, error: Array, slope: float) -> float:

@@ -232,7 +232,7 @@ def _scheduling(by: Sequence[Scheduled]) -> tuple[list[Scheduled], list[str]]:
                 "nothing: one model was fitted to all; record logs at three values of it or more"
             )
             continue
-        if len(_levels(values)) == 2:
+        if _levels(values).max() == 1:
             warnings.append(
                 f"the {one.name} has two values only: the model goes straight between them, and nothing can judge it "
                 "at a third; record one more"
@@ -249,19 +249,19 @@ def _scheduling(by: Sequence[Scheduled]) -> tuple[list[Scheduled], list[str]]:
     return found, warnings
 
 
-def _levels(values: Array) -> list[Array]:
-    """Indices of the values that are one level, from the least on; none is further from its level's first than that."""
+def _levels(values: Array) -> NDArray[np.int64]:
+    """Which level each value is on (n,), the least on 0; none is further from its level's first than that."""
     order = np.argsort(values, kind="stable")
-    widest, begun = _ALIKE * float(np.ptp(values)), [0]
-    for i, value in enumerate(values[order].tolist()):
-        if value - values[order[begun[-1]]] > widest:
-            begun.append(i)
-    return list(np.split(order, begun[1:]))
+    widest, first, found = _ALIKE * float(np.ptp(values)), values[order[0]], np.zeros(len(values), np.int64)
+    for before, i in itertools.pairwise(order):
+        above = values[i] - first > widest
+        first, found[i] = values[i] if above else first, found[before] + above
+    return found
 
 
 def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledCable:
     """The scheduled cable of some logs at `values` (logs, V)."""
-    degree = np.array([min(_HIGHEST, len(_levels(column)) - 1) for column in values.T], dtype=np.int64)
+    degree = np.array([min(_HIGHEST, _levels(column).max()) for column in values.T], dtype=np.int64)
     rows = 1 + int(degree.sum())
     shares = _shares(moved, frame)
     kept = shares > 0.0
@@ -343,10 +343,7 @@ def _judged(
     moved: Sequence[_Moved], values: Array, names: Sequence[str], frame: _Frame, cable: ScheduledCable
 ) -> list[FittedLog]:
     halves = _fitted([one._replace(weight=np.where(one.first, one.weight, 0.0)) for one in moved], values, frame)
-    level = np.zeros(values.shape, dtype=np.int64)
-    for v, column in enumerate(values.T):
-        for number, members in enumerate(_levels(column)):
-            level[members, v] = number
+    level = np.array([_levels(column) for column in values.T]).T.reshape(values.shape)
     unseen: dict[tuple[int, ...], ScheduledCable | None] = {}
     found = []
     for i, (one, at) in enumerate(zip(moved, values, strict=True)):
@@ -395,7 +392,7 @@ def _beside(moved: Sequence[_Moved], values: Array, cable: ScheduledCable) -> li
 def _without(moved: Sequence[_Moved], values: Array, kept: NDArray[np.bool_], frame: _Frame) -> ScheduledCable | None:
     """A cable fitted to some of the logs; None where they do not differ in every variable any more."""
     rest = values[kept]
-    if any(len(_levels(column)) < 2 or np.ptp(column) == 0.0 for column in rest.T):
+    if any(_levels(column).max() < 1 for column in rest.T):
         return None
     return _fitted([one for one, keep in zip(moved, kept, strict=True) if keep], rest, frame)
 

@@ -130,7 +130,7 @@ def _fit_log(log: Log, seed: int, tell: Progress) -> Fit:
         fitted_from=fitted_from,
         one_amplitude=fine.span if trust.one_amplitude(fine) else 0.0,
     )
-    warnings = trust.advise(log, split, fine, fitted_from, half.rest_until, models, best, fitted.cycles.whole)
+    warnings = trust.advise(fitted, fine, half.rest_until, models, best)
     if kept:
         warnings.append(
             f"fitted to the whole log a model was worse on it than fitted to the first half, and stays as it was: "

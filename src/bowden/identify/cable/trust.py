@@ -121,42 +121,33 @@ def following(log: Log, split: int) -> float:
 
 
 def advise(
-    log: Log,
-    split: int,
-    path: Path,
-    fitted_from: int,
-    rest_until: float | None,
-    models: Mapping[str, ModelFit],
-    best: str,
-    whole: int,
+    one: FittedLog, path: Path, rest_until: float | None, models: Mapping[str, ModelFit], best: str
 ) -> list[str]:
     """Warnings about a log and what was identified from it.
 
     Args:
-        log: all of it.
-        split: first sample of the second half.
-        path: the path of the first half, as it was fitted.
-        fitted_from: first sample that was fitted.
+        one: the log, and how it is predicted.
+        path: of its first half, as it was fitted.
         rest_until: time to which the log counts less since it begins at rest [s]; None where it does not.
         models: what was identified.
         best: the recommended model.
-        whole: cycles of the whole log.
     """
+    log, split = one.log, one.split
     if following(log, split) < FOLLOWS:
         return [
             "do not rely on these results: check the columns, the units, and whether both were recorded on one clock; "
             "or the motion is too small for the cable's play, and a larger one is needed"
         ]
-    found = _about_motion(log, split, path, whole)
+    found = _about_motion(path, one.cycles.whole)
     if rest_until is not None:
         found.append(
             f"the first {seconds_text(rest_until - log.time[0])} count less: the log begins at rest or at a turn, and "
             "a cable that rested comes to its loop on the motor's first way through the range"
         )
-    elif fitted_from:
+    elif one.fitted_from:
         found.append(
-            f"the first {seconds_text(log.time[fitted_from] - log.time[0])} were not fitted: the strokes after it are "
-            "predicted better without them, as after a cable that was still settling"
+            f"the first {seconds_text(log.time[one.fitted_from] - log.time[0])} were not fitted: the strokes after it "
+            "are predicted better without them, as after a cable that was still settling"
         )
     found += [*_about_size(log, split, path, models), *_about_parameters(models[best], best)]
     low, high = float(np.min(path.turning)), float(np.max(path.turning))
@@ -169,7 +160,7 @@ def advise(
     return found
 
 
-def _about_motion(log: Log, split: int, path: Path, whole: int) -> list[str]:
+def _about_motion(path: Path, whole: int) -> list[str]:
     found = []
     if path.strokes < 2:
         found.append(

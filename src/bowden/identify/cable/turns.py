@@ -43,9 +43,8 @@ def find_turns(motor: Array, noise: float | None = None) -> Turns:
     at = reversals(motor, least_swing(motor, noise))
     sums = np.concatenate([[0.0], np.cumsum(motor)])
     (start, start_error), (end, _) = _first_value(motor, noise), _first_value(motor[::-1], noise)
-    tops = np.empty(len(at))
-    compiled(extremes)(motor, sums, at, noise, tops)
-    return Turns(at, np.concatenate([[start], tops, [end]]), start_error, _common_error(motor))
+    tops = [_extreme(motor, sums, k, noise) for k in at.tolist()]
+    return Turns(at, np.array([start, *tops, end]), start_error, _common_error(motor))
 
 
 def least_swing(motor: Array, noise: float | None = None) -> float:
@@ -128,8 +127,7 @@ def zigzag(motor: Array, threshold: float, found: NDArray[np.int64]) -> int:
     return count
 
 
-@kernel
-def extreme(motor: Array, sums: Array, at: int, noise: float) -> float:
+def _extreme(motor: Array, sums: Array, at: int, noise: float) -> float:
     """The motor's true extreme near the sample `at` [rad]: the top of a quartic through the samples around it.
 
     The quartic spans the stretch within which the motor moves by a few times its noise, so that the noise is averaged
@@ -151,8 +149,8 @@ def extreme(motor: Array, sums: Array, at: int, noise: float) -> float:
         return float(motor[at])
     near = motor[at - half : at + half + 1]
     first = half // 4
-    smooth = polynomial(near, 4)[first : near.size - first]
-    return float(np.max(smooth)) if motor[at] > 0.5 * (near[0] + near[-1]) else float(np.min(smooth))
+    smooth = _smoothed(near, 4)[first : near.size - first]
+    return float(smooth.max() if motor[at] > 0.5 * (near[0] + near[-1]) else smooth.min())
 
 
 def _first_value(motor: Array, noise: float) -> tuple[float, float]:
@@ -164,29 +162,10 @@ def _first_value(motor: Array, noise: float) -> tuple[float, float]:
     near = motor[: far[0]] if len(far) else motor
     if len(near) < 12:
         return float(motor[0]), noise
-    return float(compiled(polynomial)(np.ascontiguousarray(near), 2)[0]), 3.0 * noise / float(np.sqrt(len(near)))
+    return float(_smoothed(near, 2)[0]), 3.0 * noise / float(np.sqrt(len(near)))
 
 
-@kernel
-def extremes(motor: Array, sums: Array, at: Index, noise: float, found: Array) -> None:
-    """Fill `found` with `extreme` at each sample of `at` (strokes − 1,) [rad]."""
-    for k in range(at.size):
-        found[k] = extreme(motor, sums, at[k], noise)
-
-
-@kernel
-def polynomial(values: Array, degree: int) -> Array:
-    """Evenly spaced values (n,) smoothed by the polynomial of a degree that fits them best.
-
-    A sum of Gram's polynomials, which are orthogonal on such places x:  pₖ₊₁ = x·pₖ − k²·(n² − k²)/(16·k² − 4)·pₖ₋₁.
-
-    Source: Abramowitz and Stegun, *Handbook of Mathematical Functions*, 1964, 22.17.
-    """
-    n = values.size
-    place, middle = np.arange(n) - 0.5 * (n - 1), np.mean(values)
-    smooth, before, own = np.zeros(n), np.zeros(n), np.ones(n)
-    for k in range(degree + 1):
-        smooth += np.sum(own * (values - middle)) / np.sum(own * own) * own
-        square = float(k * k)
-        before, own = own, place * own - square * (float(n) * n - square) / (16.0 * square - 4.0) * before
-    return middle + smooth
+def _smoothed(values: Array, degree: int) -> Array:
+    """Evenly spaced values (n,) smoothed by the polynomial of a degree that fits them best."""
+    place = np.linspace(-1.0, 1.0, len(values))
+    return np.asarray(np.polynomial.Polynomial.fit(place, values, degree)(place))

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.arguments import said
+from bowden.core.arguments import format_value
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
 from bowden.identify.log.columns import split_name
@@ -96,10 +96,12 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None, spool_radius_mm: 
     """
     if isinstance(unit, list | tuple) and len(unit) == 2 and all(isinstance(one, str) for one in unit):
         raise ParameterError(
-            f"the unit of the angles is {said(unit)}", expected="text", do=f'give unit="{",".join(unit)}"'
+            f"the unit of the angles is {format_value(unit)}", expected="text", do=f'give unit="{",".join(unit)}"'
         )
     if unit is not None and not isinstance(unit, str):
-        raise ParameterError(f"the unit of the angles is {said(unit)}", expected=_EXPECTED, do="give one of them")
+        raise ParameterError(
+            f"the unit of the angles is {format_value(unit)}", expected=_EXPECTED, do="give one of them"
+        )
     parts = [part.strip().lower() for part in unit.split(",")] if unit else [None]
     if len(parts) > 2 or any(part not in (None, *UNITS, "mm", "cm") for part in parts):
         raise ParameterError(f"the unit of the angles is {unit!r}", expected=_EXPECTED, do="give one of them")
@@ -108,7 +110,7 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None, spool_radius_mm: 
     of_turn = (counts[0], counts[-1]) if counts else (None, None)
     radius = spool_radius_mm
     if radius is not None and not (type(radius) in (int, float) and 0.0 < radius < 1e4):
-        raise ParameterError(f"the spool's radius is {said(radius)}", expected="mm, above 0", do="measure it")
+        raise ParameterError(f"the spool's radius is {format_value(radius)}", expected="mm, above 0", do="measure it")
     return AngleUnits(
         both, of_turn, radius, len(parts) == 2 or radius is not None or (len(counts) == 2 and unit in (None, "counts"))
     )
@@ -126,7 +128,7 @@ def _counts(given: Any) -> list[float]:
         numbers = []
     if not (len(numbers) == len(parts) and 1 <= len(numbers) <= 2 and all(2.0 <= one < math.inf for one in numbers)):
         raise ParameterError(
-            f"the counts per turn are {said(given)}",
+            f"the counts per turn are {format_value(given)}",
             expected="a number from 2 on, or one for the motor and one for the joint",
             do="take them from the encoder's data sheet, four for each line of a quadrature encoder",
         )
@@ -148,21 +150,15 @@ def angles_of(
             nobody says how many make a turn.
     """
     for (side, (name, found)), unit in zip(columns.items(), given.unit, strict=True):
-        length = (unit or found) in ("mm", "cm")
-        if length and not (side == "motor" and given.spool):
-            raise LogError(
-                f"the {side}'s column {name!r} is in {unit or found}",
-                expected=f"an angle: {', '.join(UNITS)}",
-                do="give the radius of its spool: --spool-radius-mm 20 (spool_radius_mm= in Python)"
-                if side == "motor"
-                else "convert it, or name another column",
-            )
-        if found not in (None, *UNITS, "mm", "cm") and unit is None:
-            raise LogError(
-                f"the {side}'s column {name!r} is in {found}",
-                expected=f"an angle: {', '.join(UNITS)}",
-                do="name another column, or give --unit where the name is wrong",
-            )
+        if (unit or found) in ("mm", "cm") and not (side == "motor" and given.spool):
+            radius = "give the radius of its spool: --spool-radius-mm 20 (spool_radius_mm= in Python)"
+            do = radius if side == "motor" else "convert it, or name another column"
+        elif found not in (None, *UNITS, "mm", "cm") and unit is None:
+            do = "name another column, or give --unit where the name is wrong"
+        else:
+            continue
+        what = f"the {side}'s column {name!r} is in {unit or found}"
+        raise LogError(what, expected=f"an angle: {', '.join(UNITS)}", do=do)
     if given.spool:  # what the motor winds up is an angle from here on
         name, found = columns["motor"]
         per_mm = 10.0 if (given.unit[0] or found) == "cm" else 1.0

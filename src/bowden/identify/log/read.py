@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.arguments import path_of, said
+from bowden.core.arguments import format_value, path_of
 from bowden.core.errors import LogError, ParameterError, counted
 from bowden.core.guesses import answering
 from bowden.core.units import DEGREES
@@ -133,7 +133,7 @@ class Layout(NamedTuple):
             named[role] = str(column) if type(column) is int else column
             if not isinstance(named[role], str | None):
                 raise ParameterError(
-                    f"{role} of the log {path} is {said(column)}",
+                    f"{role} of the log {path} is {format_value(column)}",
                     expected="the name or number of a column in the file",
                     do="or give only arrays: identify(time, motor, joint)",
                 )
@@ -268,7 +268,7 @@ def checked_rate(rate: Any, time: object = None) -> None:
         or not 0.0 < rate < math.inf
     ):
         raise ParameterError(
-            f"the rate is {said(rate)}", expected="rows a second, a number above 0", do="give such a number"
+            f"the rate is {format_value(rate)}", expected="rows a second, a number above 0", do="give such a number"
         )
     if time is not None:
         raise ParameterError(

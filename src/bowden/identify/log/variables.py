@@ -76,7 +76,7 @@ def _variable(name: str, given: Any, files: Any, logs: Sequence[str]) -> Schedul
         several = isinstance(given, Sequence) or hasattr(given, "__len__")
         if not several and len(logs) > 1:
             raise ParameterError(
-                f"{name} is {arguments.said(given)}",
+                f"{name} is {arguments.format_value(given)}",
                 expected="one number for each log, or a column's name",
                 do=f"give {name}=[…], in the logs' order",
             )

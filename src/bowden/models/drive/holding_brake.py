@@ -49,7 +49,7 @@ class HoldingBrake(NamedTuple):
     ] = 0.5 * RADIANS
 
     @property
-    def there(self) -> bool:
+    def enabled(self) -> bool:
         """True if there is one."""
         return self.holding_torque > 0.0
 

@@ -41,7 +41,7 @@ def rig_of(given: Any) -> Rig:
             raise ParameterError(f"there is no {path}", expected="a rig.toml", do=f"did you mean {alike}?")
         return Rig.read(path)
     do = "make one of it: Rig()" if given is Rig else "make one: bowden.init(fit).rig, bowden.Rig(…); or name its file"
-    raise ParameterError(f"rig is {arguments.said(given)}", expected="a Rig or the path of a rig.toml", do=do)
+    raise ParameterError(f"rig is {arguments.format_value(given)}", expected="a Rig or the path of a rig.toml", do=do)
 
 
 _LOGS = (".csv", ".tsv", ".txt", ".npz", ".mat", ".parquet", ".xlsx", ".tdms")
@@ -71,7 +71,7 @@ def under(rig: Rig, law: Any, preset: str | None) -> Rig:
     law = str(law) if isinstance(law, Path) else law
     if law is not None and not isinstance(law, str | Law):
         do = "name one, or pass a Law: Law(name, Gains(), start, step, source)"
-        raise ParameterError(f"law is {arguments.said(law)}", expected="a name, FILE.py:NAME or a Law", do=do)
+        raise ParameterError(f"law is {arguments.format_value(law)}", expected="a name, FILE.py:NAME or a Law", do=do)
     if isinstance(law, Law):
         user_law.check_law(law)
     return rig.with_law(law, preset)

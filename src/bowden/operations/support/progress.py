@@ -40,7 +40,7 @@ def check_progress(progress: Any, function: str) -> None:
     """
     if not (progress is None or isinstance(progress, bool) or callable(progress)):
         raise ParameterError(
-            f"{function}: progress is {arguments.said(progress)}",
+            f"{function}: progress is {arguments.format_value(progress)}",
             expected=f"True, or {arguments.PROGRESS}",
             do="write progress=True, or leave it out",
         )

@@ -108,7 +108,7 @@ class AkParameters(NamedTuple):
             raise ParameterError(
                 f"the rig's gear is {needs.gear:g}, and an {self.model} has {model.gear:g}",
                 expected="the drive's own, with the spool on its output shaft",
-                do="correct gear in [motor], on a suit in [suit], or drive.model",
+                do="correct gear in [motor] and, on a suit, set second_gear = 1 in [suit]; or correct drive.model",
             )
         speed = needs.speed_limit * motor_scale(self).steepest(needs.lowest_motor, needs.highest_motor)
         if speed > (1.0 - FINEST) * model.velocity:
@@ -125,7 +125,7 @@ class AkParameters(NamedTuple):
                 do="reduce current_limit_a in [motor], or correct torque_constant_nm_per_a there",
             )
         if self.home == "counts" and self.interface != "bowden_unix":
-            turn, do = 2.0 * math.pi / model.gear, f"{on_can.ELSEWHERE}make the range in [limits] smaller"
+            turn, do = 2.0 * math.pi / model.gear, f"{on_can.TELL_TURN}make the range in [limits] smaller"
             expected = 'less than a turn with home = "counts"'
             on_can.check_turn(self, motor_scale(self), turn, "the rotor; the drive forgets", expected, do)
         if self.home == "hint" and needs.spool is None:
@@ -214,6 +214,7 @@ FAMILY = on_can.family(
         "it is not, the motor keeps its last command when this computer dies, until its supply is cut"
     ),
     no_limb=lambda parameters: parameters.no_limb,
+    example={"motor": {"gear": 9.0, "torque_constant_nm_per_a": 0.091}, "drive": {"home": "hint"}},
     zero_hint="An AK drive takes the present place for its own zero by its set-origin frame, or with its maker's tool; "
     "bowden does not send it. Zero the rig anew after that. Which turn of its rotor it is in after a restart is told "
     'by home = "hint".',

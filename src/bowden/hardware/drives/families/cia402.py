@@ -71,8 +71,8 @@ class DriveParameters(NamedTuple):
     brake_output: Annotated[
         Literal["none", "set", "release"],
         Quantity(
-            "what a 1 in bit 0 of the drive's digital outputs (60FEh) does to its holding brake: set, as CiA 402 has "
-            "it, engages it; release puts voltage on it, which releases it; none: there is none"
+            "holding brake at bit 0 of the drive's digital outputs (60FEh); set: a 1 engages it (CiA 402); release: a "
+            "1 releases it"
         ),
     ] = "none"
     heartbeat_time: Annotated[

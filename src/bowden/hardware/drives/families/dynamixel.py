@@ -4,7 +4,7 @@ Sources: ROBOTIS e-Manual, control tables of the X and P series; DynamixelSDK 4.
 for numbers of models, addresses and counts of a turn, against which the tests hold what is here.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.quantity import Quantity
@@ -13,13 +13,11 @@ from bowden.hardware.drives import on_can
 from bowden.hardware.drives import servo_table as servos
 from bowden.hardware.drives.checklist import Setting, is_about
 from bowden.hardware.drives.findings import finding_text
-from bowden.hardware.drives.servo_table import ServoRegister, ServoTable
+from bowden.hardware.drives.servo_table import ServoRegister, ServoSetup, ServoTable
 from bowden.rig.families import LOST, DriveNeeds
 
 WATCH_STEP = 20e-3
 """Of a count of the bus watchdog [s]."""
-WATCH_RAN_OUT = 0x100
-"""Error of a servo whose bus watchdog has run out; below it is the hardware error status."""
 ERRORS: Mapping[int, str] = {
     0: "input voltage",
     1: "motor's Hall sensor",
@@ -139,19 +137,9 @@ class DynamixelParameters(NamedTuple):
     needs: DriveNeeds = DriveNeeds(gear=1.0, torque_constant=1.78, sample_time=5e-3)
 
     @property
-    def multi_turn(self) -> bool:
-        """Whether it goes beyond a turn."""
-        return True
-
-    @property
     def table(self) -> ServoTable:
         """Its memory."""
         return MODELS[self.model]
-
-    @property
-    def limits_current(self) -> bool:
-        """True of an X series, in current-based position (5); a P series has extended position (4) alone."""
-        return self.table.lowest == 0
 
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`."""
@@ -168,84 +156,60 @@ class DynamixelParameters(NamedTuple):
         )
         yield from servos.rules(self)
 
-    def supported(self) -> Iterator[Setting]:
-        """What the servo must be, before anything is asked of it in one piece."""
-        if self.model.startswith(("XL330", "XC330")):
-            yield Setting(
-                "Firmware Version",
-                lambda found: found < INDIRECT_MOVED,
-                f"below {INDIRECT_MOVED}",
-                "has its indirect data at other addresses, which are not known here",
-                "take a servo with an earlier firmware, or of another model",
-            )
-
-    def settings(self) -> Iterator[Setting]:
-        """What the servo must be set to, by whoever owns it; see `servo_drive`."""
-        wizard = "set it with Dynamixel Wizard"
-        mode, named = (5, "current-based position") if self.limits_current else (4, "extended position")
-        yield Setting("Operating Mode", is_about(mode), f"{mode}, {named}", "is in another mode", wizard)
-        yield from self.settings_of_joint()
-        if not self.limits_current and self.needs.current_limit > 0.0:
-            most = self.needs.current_limit / self.table.current_step
-            yield Setting(
-                "Current Limit",
-                lambda found: found <= most + 1.0,
-                f"{most:.0f}, the rig's {self.needs.current_limit:g} A, or less",
-                "may draw more than the rig allows",
-                wizard,
-            )
-
-    def settings_of_joint(self) -> Iterator[Setting]:
-        """What the servo on the joint must be set to."""
-        yield servos.delay_setting(self)
-        yield Setting(
-            "Drive Mode",
-            is_about(0.0),
-            "0: its own direction, velocity-based profile",
-            "turns its direction or its profile",
-            "set it with Dynamixel Wizard; motor_direction in [drive] turns the direction",
-        )
-
-    def preset(self) -> dict[str, int]:
-        """What is written and read back at every bring-up, of what a servo forgets at power-off."""
-        limit = self.needs.current_limit
-        current = {"Goal Current": round(limit / self.table.current_step)} if limit and self.limits_current else {}
-        profile = {"Profile Acceleration": 0, "Profile Velocity": 0}
-        return {**profile, **current, "Bus Watchdog": self.watch_count}
-
-    def cleared(self) -> tuple[tuple[str, int], ...]:
-        """What is written when an operator acknowledges that its watchdog has run out."""
-        return ("Bus Watchdog", 0), ("Bus Watchdog", self.watch_count)
-
-    def after_power_off(self, get: Callable[[str], int]) -> tuple[int, int]:
-        """The lowest and the highest count that it may tell then, of what it tells of its settings."""
-        low = self.table.lowest + get("Homing Offset")
-        return low, low + self.table.turn - 1
-
-    def as_new(self) -> dict[str, int]:
-        """What a servo has in its registers that is set as the rig says; for its twin."""
-        return {
-            "Model Number": self.table.model,
-            "Firmware Version": 48,
-            "Return Delay Time": round(self.return_delay / servos.DELAY_STEP),
-            "Operating Mode": 5 if self.limits_current else 4,
-            "Current Limit": round((self.needs.current_limit or 3.0) / self.table.current_step) + 1,
-            "Status Return Level": 2,
-        }
-
-    @staticmethod
-    def models() -> Mapping[str, ServoTable]:
-        """All that there are."""
-        return MODELS
-
     @property
-    def watch_count(self) -> int:
-        """Of its watchdog."""
-        return round(self.watchdog / WATCH_STEP)
-
-    def error_of(self, sample: servos.ServoSample) -> int:
-        """What is wrong with it, 0 for nothing."""
-        return sample.error | (WATCH_RAN_OUT if sample.watch == 0xFF else 0)
+    def setup(self) -> ServoSetup:
+        """What it asks of the servos; an X series is in current-based position (5), a P series, which has no other, in
+        extended position (4)."""
+        wizard, table, limit = "set it with Dynamixel Wizard", self.table, self.needs.current_limit
+        based = table.lowest == 0
+        mode, named = (5, "current-based position") if based else (4, "extended position")
+        joint = (
+            servos.delay_setting(self),
+            Setting(
+                "Drive Mode",
+                is_about(0.0),
+                "0: its own direction, velocity-based profile",
+                "turns its direction or its profile",
+                "set it with Dynamixel Wizard; motor_direction in [drive] turns the direction",
+            ),
+        )
+        most = limit / table.current_step
+        own_limit = Setting(
+            "Current Limit",
+            lambda found: found <= most + 1.0,
+            f"{most:.0f}, the rig's {limit:g} A, or less",
+            "may draw more than the rig allows",
+            wizard,
+        )
+        firmware = Setting(
+            "Firmware Version",
+            lambda found: found < INDIRECT_MOVED,
+            f"below {INDIRECT_MOVED}",
+            "has its indirect data at other addresses, which are not known here",
+            "take a servo with an earlier firmware, or of another model",
+        )
+        of_mode = Setting("Operating Mode", is_about(mode), f"{mode}, {named}", "is in another mode", wizard)
+        watch = round(self.watchdog / WATCH_STEP)
+        return ServoSetup(
+            supported=(firmware,) if self.model.startswith(("XL330", "XC330")) else (),
+            motor=(of_mode, *joint, *((own_limit,) if limit and not based else ())),
+            joint=joint,
+            preset={
+                **{"Profile Acceleration": 0, "Profile Velocity": 0},
+                **({"Goal Current": round(most)} if limit and based else {}),
+                "Bus Watchdog": watch,
+            },
+            watch=watch,
+            as_new={
+                "Model Number": table.model,
+                "Firmware Version": 48,
+                "Return Delay Time": round(self.return_delay / servos.DELAY_STEP),
+                "Operating Mode": mode,
+                "Current Limit": round((limit or 3.0) / table.current_step) + 1,
+                "Status Return Level": 2,
+            },
+            names={one.model: name for name, one in MODELS.items()},
+        )
 
 
 def error_text(code: int) -> str:

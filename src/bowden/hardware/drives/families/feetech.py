@@ -5,7 +5,7 @@ Sources: Feetech, memory table of the SMS and STS series, as huggingface/lerobot
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.quantity import Quantity
@@ -14,7 +14,7 @@ from bowden.hardware.drives import on_can
 from bowden.hardware.drives import servo_table as servos
 from bowden.hardware.drives.checklist import Setting, is_about
 from bowden.hardware.drives.findings import finding_text
-from bowden.hardware.drives.servo_table import ServoRegister, ServoTable
+from bowden.hardware.drives.servo_table import ServoRegister, ServoSetup, ServoTable
 from bowden.rig.families import DriveNeeds
 
 ERRORS: Mapping[int, str] = {0: "voltage", 1: "position sensor", 2: "overheating", 3: "over-current", 5: "overload"}
@@ -46,6 +46,7 @@ TABLE = ServoTable(
     turn=4096,
     current_step=6.5e-3,
     furthest=32767,
+    multi_turn=False,
 )
 """Names are those of Dynamixel where a register is the same; the status is the hardware error status."""
 
@@ -82,11 +83,6 @@ class FeetechParameters(NamedTuple):
     needs: DriveNeeds = DriveNeeds(gear=1.0, torque_constant=1.1, sample_time=5e-3)
 
     @property
-    def multi_turn(self) -> bool:
-        """Whether it goes beyond a turn."""
-        return False
-
-    @property
     def table(self) -> ServoTable:
         """Its memory."""
         return TABLE
@@ -99,55 +95,29 @@ class FeetechParameters(NamedTuple):
         """See `on_can.require`."""
         yield from servos.rules(self)
 
-    def supported(self) -> Iterator[Setting]:
-        """Every firmware."""
-        return iter(())
-
-    def settings(self) -> Iterator[Setting]:
-        """What the servo must be set to, by whoever owns it; see `servo_drive`."""
-        yield Setting(
+    @property
+    def setup(self) -> ServoSetup:
+        """What it asks of the servos."""
+        mode = Setting(
             "Operating Mode", is_about(0.0), "0, position", "is in another mode", "set it with its maker's tool"
         )
-        yield from self.settings_of_joint()
-
-    def settings_of_joint(self) -> Iterator[Setting]:
-        """What the servo on the joint must be set to."""
-        yield servos.delay_setting(self)
-
-    def preset(self) -> dict[str, int]:
-        """What is written and read back at every bring-up, of what a servo forgets at power-off."""
-        limit = {"Torque Limit": round(1000.0 * self.torque_limit)}
-        return {"Acceleration": 0, "Goal Time": 0, "Goal Velocity": 0, **limit}
-
-    def cleared(self) -> tuple[tuple[str, int], ...]:
-        """Nothing ends an error but its cause."""
-        return ()
-
-    def after_power_off(self, get: Callable[[str], int]) -> tuple[int, int]:
-        """The lowest and the highest count that it may go to, of what it tells of its settings."""
-        low, high = get("Min Position Limit"), get("Max Position Limit")
-        return (low, high) if low < high else (0, self.table.turn - 1)
-
-    def error_of(self, sample: servos.ServoSample) -> int:
-        """What is wrong with it, 0 for nothing."""
-        return sample.error
-
-    def as_new(self) -> dict[str, int]:
-        """What a servo has in its registers that is set as the rig says; for its twin."""
-        return {
-            "Firmware Version": 3,
-            "Model Number": self.table.model,
-            "Return Delay Time": round(self.return_delay / servos.DELAY_STEP),
-            "Status Return Level": 1,
-            "Max Position Limit": 4095,
-            "Max Torque Limit": 1000,
-            "Torque Limit": 1000,
-        }
-
-    @staticmethod
-    def models() -> Mapping[str, ServoTable]:
-        """All that there are."""
-        return {"STS3215": TABLE}
+        joint = (servos.delay_setting(self),)
+        largest = {"Torque Limit": round(1000.0 * self.torque_limit)}
+        return ServoSetup(
+            motor=(mode, *joint),
+            joint=joint,
+            preset={"Acceleration": 0, "Goal Time": 0, "Goal Velocity": 0, **largest},
+            as_new={
+                "Firmware Version": 3,
+                "Model Number": self.table.model,
+                "Return Delay Time": round(self.return_delay / servos.DELAY_STEP),
+                "Status Return Level": 1,
+                "Max Position Limit": 4095,
+                "Max Torque Limit": 1000,
+                "Torque Limit": 1000,
+            },
+            names={TABLE.model: "STS3215"},
+        )
 
 
 def error_text(code: int) -> str:
