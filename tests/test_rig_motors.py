@@ -15,7 +15,7 @@ from bowden.live.live_run import live_run
 from bowden.live.log_facts import facts
 from bowden.live.mcap_read import Recording
 from bowden.live.row import CYCLE
-from bowden.live.together import COMMON, of_all, view
+from bowden.live.together import COMMON, columns_of_all, view
 from bowden.rig.motors import merged
 from bowden.rig.rig import Rig, RigMotor
 from bowden.safety.release import longest_release
@@ -246,7 +246,7 @@ def test_columns_of_an_motor_are_those_of_a_run_with_it_alone(leg: Rig) -> None:
     assert [*view(whole, live.names, "hip").columns][: len(CYCLE)] == [*CYCLE]
     assert len(whole) == len({*whole})
     blocks = {"a": {"time": "s", "x": "1"}, "b": {"time": "s", "x": "1"}}
-    assert of_all(blocks) == {"time": "s", "x": "1", "b.x": "1"}
+    assert columns_of_all(blocks) == {"time": "s", "x": "1", "b.x": "1"}
     assert {*CYCLE} > COMMON
 
 
