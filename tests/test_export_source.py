@@ -22,7 +22,7 @@ from bowden.control.law import Law
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, cos, exp, floor, kernel, log, power, sin, sqrt, tanh
 from bowden.core.nested import flat
-from bowden.core.quantity import Quantity
+from bowden.core.quantity import Quantity, texts_of
 from bowden.export.files import files
 from bowden.export.kinds import identifier
 from bowden.export.modules import begun, emg_modules, law_module, safety_module
@@ -125,6 +125,11 @@ def module_of_everything() -> Module:
     given = {"count": Constant(3), "state": state, "x": 0.0, "y": 0.0}
     start = Public("start", begun, ("state",), "Before the first.", {"begin": Constant(state)})
     return Module("all", "", (start, Public("step", step, ("state", "return"), "", given)))
+
+
+def test_what_a_name_is_stands_below_it_or_behind_it() -> None:
+    source = 'a = 1.0  # one [m]\nb: float = 2.0\n"""Two\n[s]."""\nc = d = 3.0\n4.0\n'
+    assert texts_of(ast.parse(source).body, source) == {"a": "one [m]", "b": "Two [s].", "c": "", "d": ""}
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")
