@@ -257,7 +257,7 @@ def test_a_tendon_is_predicted_as_its_equations_move_it() -> None:
     motor, tendon = 0.5 + 0.4 * np.sin(np.linspace(0.0, 9.0, 60)), prepare_tendon(Tendon(elements=6))
     memory = start_tendon(tendon, float(motor[0]), 1.0)
     moved = [tendon_joint(tendon, advance_tendon(tendon, memory, angle, 1.0)) for angle in motor.tolist()]
-    assert joint_along("sliding", {"elements": 6.0}, motor) == pytest.approx(moved, abs=1e-12)
+    assert CableModel("sliding", {"elements": 6.0}).joint_angle(motor) == pytest.approx(moved, abs=1e-12)
 
 
 def test_a_lagging_load_follows_the_cable_as_a_first_order_system() -> None:
