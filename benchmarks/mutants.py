@@ -606,7 +606,7 @@ def main() -> int:
     parser.add_argument("count", nargs="?", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--rooms", nargs="*", default=[], help="folders or files of the package; all, if none is named")
-    parser.add_argument("--tests", nargs="*", default=["tests"], help="all, if none is named")
+    parser.add_argument("--tests", nargs="*", default=["tests", "src"], help="all, and doctests, if none is named")
     parser.add_argument("--all", action="store_true", help="every mutant of the rooms")
     parser.add_argument("--left", action="store_true", help="judge again what survived")
     parser.add_argument("--least", type=float, default=1.0, help="share that is to be killed")

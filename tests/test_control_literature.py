@@ -13,6 +13,7 @@ from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law
 from bowden.control.law_parts import LEAD, LEAD_SQUARE, compensate_lag
 from bowden.control.laws.active_disturbance_rejection import observer_gains, prediction
+from bowden.control.laws.backlash_inverse import Means, average
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.control.stability import StateSpace, margins, servo_model
 from bowden.core.nested import flat, leaves, name_of, unflatten_like
@@ -197,6 +198,14 @@ def test_disturbance_rejection_holds_on_rigs_that_it_is_not_tuned_for(
         assert found.stable
         assert (found.gain_margin_db or math.inf) >= 6.0
         assert (found.phase_margin_deg or math.inf) >= 45.0
+
+
+def test_of_what_the_backlash_inverse_began_with_a_hundredth_is_left_when_it_has_settled() -> None:
+    """Its means forget while the cable is pushed: half of the time at least."""
+    law, means = LAWS["backlash_inverse"], Means(*[1.0] * 8)
+    for _ in range(round(0.5 * law.settling(law.gains) / DT)):
+        means = average(means, 0.0, 0.0, True, DT / law.gains.forgetting_time)
+    assert means.product == pytest.approx(math.exp(-5.0), rel=0.01)
 
 
 def test_what_is_on_its_way_is_no_disturbance() -> None:

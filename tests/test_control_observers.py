@@ -122,6 +122,17 @@ def test_the_limit_of_the_rate_bounds_the_swing_of_a_load(name: str) -> None:
     assert np.abs(errors(law, rest, 6.0, swing=20.0)).max() < 2.5 * getattr(law.gains, limit) / 20.0 / (2.0 * 0.2)
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_who_begins_at_rest_is_left_there_wherever_the_motor_counts_from(name: str) -> None:
+    law, wanted = known(name), Reference(0.4, 0.0, 0.0)
+    for zero in (0.0, 3.0):
+        sample = Sample(0.4, zero + 0.4)
+        state = law.start(sample)
+        for _ in range(100):
+            state, command = law.step(state, sample, wanted, DT)
+            assert command == pytest.approx(zero + 0.4, abs=1e-9)
+
+
 def test_a_known_play_is_crossed_by_feed_forward_and_what_it_moves_is_no_disturbance() -> None:
     plain, told = (errors(known("disturbance_observer", **more), STROKE, 4.0) for more in ({}, {"width": 0.1}))
     assert rms(told) < 0.9 * rms(plain)

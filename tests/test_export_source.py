@@ -22,10 +22,11 @@ from bowden.control.law import Law
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, cos, exp, floor, kernel, log, power, sin, sqrt, tanh
 from bowden.core.nested import flat
-from bowden.core.quantity import Quantity
+from bowden.core.quantity import Quantity, texts_of
 from bowden.export.files import files
 from bowden.export.kinds import identifier
 from bowden.export.modules import begun, emg_modules, law_module, safety_module
+from bowden.export.source import origin
 from bowden.export.unit import Constant, Module, Public
 from bowden.safety.limits import Limits
 from bowden.sensing.envelope import PLAIN_THRESHOLD
@@ -125,6 +126,17 @@ def module_of_everything() -> Module:
     given = {"count": Constant(3), "state": state, "x": 0.0, "y": 0.0}
     start = Public("start", begun, ("state",), "Before the first.", {"begin": Constant(state)})
     return Module("all", "", (start, Public("step", step, ("state", "return"), "", given)))
+
+
+def test_a_constant_s_text_is_that_of_the_file_that_names_it_first(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text("from bowden.models.drive.servo import LONGEST_CYCLE as LONGEST, Servo\n")
+    file, text = origin(str(tmp_path / "own.py"), "LONGEST")
+    assert (Path(file).name, text[:8]) == ("servo.py", "ω·Ts up ")
+
+
+def test_what_a_name_is_stands_below_it_or_behind_it() -> None:
+    source = 'a = 1.0  # one [m]\nb: float = 2.0\n"""Two\n[s]."""\nc = d = 3.0\n4.0\n'
+    assert texts_of(ast.parse(source).body, source) == {"a": "one [m]", "b": "Two [s].", "c": "", "d": ""}
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")

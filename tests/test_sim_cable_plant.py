@@ -23,6 +23,7 @@ from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.models.cable.sheath import Sheath, joint_in_sheath
 from bowden.models.cable.sheath_path import constant_bend, scripted_bend
+from bowden.models.cable.sliding_cable import advance_tendon, prepare_tendon, start_tendon, tendon_joint
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.plants import cable_body, cables, friction_cables, predicted
@@ -250,6 +251,13 @@ def test_no_model_looks_ahead(name: str) -> None:
         other = np.concatenate((motor[:count], motor[count:] + 0.3))
         assert CableModel(name, parameters).joint_angle(other)[:count] == pytest.approx(joint[:count], abs=1e-12)
     assert np.ptp(joint) > 0.3
+
+
+def test_a_tendon_is_predicted_as_its_equations_move_it() -> None:
+    motor, tendon = 0.5 + 0.4 * np.sin(np.linspace(0.0, 9.0, 60)), prepare_tendon(Tendon(elements=6))
+    memory = start_tendon(tendon, float(motor[0]), 1.0)
+    moved = [tendon_joint(tendon, advance_tendon(tendon, memory, angle, 1.0)) for angle in motor.tolist()]
+    assert CableModel("sliding", {"elements": 6.0}).joint_angle(motor) == pytest.approx(moved, abs=1e-12)
 
 
 def test_a_lagging_load_follows_the_cable_as_a_first_order_system() -> None:
