@@ -23,7 +23,7 @@ export interface Runs {
 export function runs(say: Say): Runs {
   const search = h("input", { type: "search", id: "search", autocomplete: "off", maxlength: 200 });
   const body = h("tbody", { role: "rowgroup" });
-  const empty = h("p", { class: "empty" }, "No run is in this folder yet.");
+  const empty = h("p", { class: "empty" }, "Reading the runs…");
   const compare = h("button", { type: "button", class: "small", onclick: () => void showTwo() }, "Compare two");
   const chosenText = h("span", { class: "hint" });
   const shown = h("div", { class: "one" });
