@@ -28,7 +28,7 @@ from bowden.plants.cables import as_cable_plant
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.presets.bench import default_bench
 from bowden.plants.presets.paper import minimum_jerk
-from bowden.plants.presets.suit import default_suit
+from bowden.plants.presets.suit import suit
 from bowden.plants.transmission import transmission
 from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
@@ -168,14 +168,14 @@ def test_of_a_plant_round_any_other_cable_nothing_is_known_of_the_cable() -> Non
 
 
 def test_on_a_suit_a_law_begins_with_its_preset_and_is_told_the_rest() -> None:
-    suit = default_suit()
-    faster = suit._replace(motor=suit.motor._replace(servo=suit.motor.servo._replace(natural_frequency=80.0)))
+    worn = suit()
+    faster = worn._replace(motor=worn.motor._replace(servo=worn.motor.servo._replace(natural_frequency=80.0)))
     law = configured(LAWS["bowden"], knowledge_of(faster))
     preset = LAWS["bowden"].presets["suit"]
     assert law.gains == preset._replace(servo_frequency=80.0, servo_damping=faster.motor.servo.damping)
-    assert configured(LAWS["adaptive"], knowledge_of(suit)).gains == LAWS["adaptive"].presets["suit"]
-    assert configured(LAWS["adaptive"], knowledge_of(suit), preset="paper").gains == LAWS["adaptive"].presets["paper"]
-    own = configured(LAWS["adaptive"], knowledge_of(suit), gains={"feedback_gain": 2.0}).gains
+    assert configured(LAWS["adaptive"], knowledge_of(worn)).gains == LAWS["adaptive"].presets["suit"]
+    assert configured(LAWS["adaptive"], knowledge_of(worn), preset="paper").gains == LAWS["adaptive"].presets["paper"]
+    own = configured(LAWS["adaptive"], knowledge_of(worn), gains={"feedback_gain": 2.0}).gains
     assert own == LAWS["adaptive"].gains._replace(feedback_gain=2.0)
 
 

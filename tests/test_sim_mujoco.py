@@ -19,7 +19,7 @@ from bowden.models.suit.geometry import (
     flexor_extension,
     flexor_moment_arm,
 )
-from bowden.plants.presets.suit import default_suit
+from bowden.plants.presets.suit import suit
 from bowden.plants.suit_parts import Suit
 from bowden.records.trace import Trace
 from bowden.sim.run import simulate
@@ -39,7 +39,7 @@ def _mujoco() -> None:
 
 @pytest.fixture(scope="module")
 def run() -> Trace:
-    return lifted(default_suit())
+    return lifted(suit())
 
 
 def lifted(suit: Suit) -> Trace:
@@ -154,6 +154,6 @@ def test_a_run_of_the_suit_is_the_same_in_mujoco(run: Trace) -> None:
 
 def test_the_suits_difference_from_mujoco_is_its_own_sub_step(run: Trace) -> None:
     """Sub-steps of the suit are of first order: a quarter of their length leaves a quarter of the difference."""
-    fine = error(lifted(default_suit()._replace(substeps=4 * default_suit().substeps)))
+    fine = error(lifted(suit()._replace(substeps=4 * suit().substeps)))
     assert fine == pytest.approx(0.25 * error(run), rel=0.1)
     assert fine < 0.15 * ALLOWED

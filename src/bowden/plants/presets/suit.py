@@ -73,8 +73,3 @@ def suit(fit: SuitCalibration | None = None) -> Suit:
         delay=chosen["delay"],
         substeps=chosen["substeps"],
     )
-
-
-def default_suit() -> Suit:
-    """The suit that every default of this package stands on."""
-    return suit()
