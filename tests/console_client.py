@@ -17,23 +17,11 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from live_runs import COMMAND, SHARED, tries
+from live_runs import COMMAND, strokes, tries
 
 T = TypeVar("T")
 
-RIG = (
-    """
-[reference]
-kind = 'periodic_minimum_jerk'
-low_deg = 0.0
-high_deg = 50.0
-period_s = 4.0
-[scenario]
-duration_s = 60.0
-[limits]
-"""
-    + SHARED
-)
+RIG = strokes(60.0)
 STRANGE = "<script>alert(1)</script>"
 _TRIES = 6
 LIFE = 0.1

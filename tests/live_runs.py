@@ -34,6 +34,12 @@ SHARED = (
 """The same as keys of [limits]."""
 
 
+def strokes(seconds: float, more: str = "") -> str:
+    """A rig.toml of strokes of 50° for so long [s], on a shared computer; it ends with [limits]."""
+    motion = "kind = 'periodic_minimum_jerk'\nlow_deg = 0.0\nhigh_deg = 50.0\nperiod_s = 4.0\n"
+    return f"\n[reference]\n{motion}[scenario]\nduration_s = {seconds}\n{more}[limits]\n{SHARED}"
+
+
 def on_a_shared_computer(text: str) -> str:
     """A rig.toml with `SHARED` in its limits."""
     for line in SHARED.splitlines():

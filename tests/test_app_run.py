@@ -27,23 +27,11 @@ from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
 from bowden.sim.run import simulate
-from live_runs import SHARED, assert_replays, finished, started, tries
+from live_runs import assert_replays, finished, started, strokes, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 
-RIG = (
-    """
-[reference]
-kind = 'periodic_minimum_jerk'
-low_deg = 0.0
-high_deg = 50.0
-period_s = 4.0
-[scenario]
-duration_s = 4.0
-[limits]
-"""
-    + SHARED
-)
+RIG = strokes(4.0)
 SAME_END = (signal.SIGINT, signal.SIGHUP)
 """These end a run as SIGTERM does, with which another test ends one."""
 

@@ -11,27 +11,11 @@ from bowden.app.main import run
 from bowden.cycle.one_cycle import TargetSource
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
-from live_runs import COMMAND, SHARED, started, tries
+from live_runs import COMMAND, started, strokes, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 
-RIG = (
-    """
-[reference]
-kind = 'periodic_minimum_jerk'
-low_deg = 0.0
-high_deg = 50.0
-period_s = 4.0
-[scenario]
-duration_s = 4.0
-[scenario.bend]
-kind = 'scripted'
-times_s = [0.0, 4.0]
-bends_deg = [180.0, 200.0]
-[limits]
-"""
-    + SHARED
-)
+RIG = strokes(4.0, "[scenario.bend]\nkind = 'scripted'\ntimes_s = [0.0, 4.0]\nbends_deg = [180.0, 200.0]\n")
 
 
 @pytest.mark.parametrize(

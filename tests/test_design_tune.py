@@ -19,7 +19,6 @@ from bowden.control.reference import PeriodicMinimumJerk, Trajectory
 from bowden.core.errors import OutputError, ParameterError
 from bowden.design.check import check
 from bowden.design.check_result import MOST_PER_COUNT
-from bowden.design.gains_text import with_gains
 from bowden.design.tune import NoGainsError, easier, tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task, chatter, keeps, shortfall
 from bowden.design.tune_result import REACH
@@ -33,6 +32,7 @@ from bowden.sim.run import simulate
 from bowden.study import tune_study
 from bowden.study.load import load
 from bowden.study.rows import table_of
+from bowden.views.tune import with_gains
 
 BENCH = default_bench()
 ADAPTIVE = LAWS["adaptive"]

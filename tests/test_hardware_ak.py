@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError, ParameterError, SafetyError
 from bowden.core.signals import DriveReading
+from bowden.design.objections import objections
 from bowden.design.power import require_power, unseen_watch
 from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.buses.unix_bus import UnixBus
@@ -296,6 +297,15 @@ def test_a_limb_is_refused_where_nobody_can_see_the_timeout(tmp_path: Any) -> No
     with pytest.raises(SafetyError, match="a suit means a limb"):  # of another axis
         require_power(given_rig(tmp_path, f"{bus}no_limb = true\n"), [suit])
     assert unseen_watch(Rig()) == ""
+
+
+def test_an_integral_that_the_drive_cannot_have_is_named(tmp_path: Any) -> None:
+    """By the check, which run follows; and nobody is told to set one."""
+    rig = given_rig(tmp_path)
+    suit = rig.replace(suit=Rig(suit={"worn": True, "second_gear": 1.0, "drive_integral": 40.0}).suit)
+    assert any("has no integral: write 0" in one for one in objections(suit))
+    without = suit.replace(suit=suit.suit._replace(drive_integral=0.0))
+    assert not any("integral" in one for one in objections(without))
 
 
 def test_a_master_of_another_lab_moves_an_ak(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from bowden.control.reference import Chirp
 from bowden.core.errors import ParameterError
-from bowden.design.gains_text import with_motor_gains
 from bowden.live.figures import Damage
 from bowden.live.live_run import live_run
 from bowden.live.log_facts import facts
@@ -20,6 +19,7 @@ from bowden.live.together import COMMON, of_all, view
 from bowden.rig.motors import merged
 from bowden.rig.rig import Rig, RigMotor
 from bowden.safety.release import longest_release
+from bowden.views.tune import with_motor_gains
 
 LEG = """[servo]
 damping = 0.9

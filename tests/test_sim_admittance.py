@@ -18,9 +18,10 @@ from bowden.core.kernel import compiled
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 from bowden.design.felt import felt
-from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
+from bowden.models.suit.arm import GRAVITY, NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
 from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_of
 from bowden.plants.presets.suit import suit
+from bowden.plants.suit_linear import linear_suit
 from bowden.plants.suit_parts import prepare_suit
 from bowden.plants.suit_push import ANGLES, behind, friction_of, limit_for, ports_of, push_of
 from bowden.sim.run import simulate
@@ -190,6 +191,30 @@ def test_a_port_s_stiffnesses_are_the_curvatures_of_its_springs_energy(number: i
         assert push_of(UNEVEN, LAWS["bowden"], Admittance()).under.compliance == pytest.approx(
             1.0 / port.joint_stiffness
         )
+
+
+@pytest.mark.parametrize("integral", [0.0, 20.0])
+@pytest.mark.parametrize(("number", "angle", "taut"), [(k, ANGLES[k // 2], 1.0 - k % 2) for k in range(6)])
+def test_a_linear_suit_rests_where_a_port_s_springs_balance_and_loses_what_its_dampers_take(
+    number: int, angle: float, taut: float, integral: float
+) -> None:
+    """By the port at the same angle; an integral takes the spool all the way, and damps nothing."""
+    wearer, fabric = Wearer(0.3, stiffness=2.0, damping=0.7), UNEVEN.fabric._replace(stiffening=0.0)
+    made = UNEVEN._replace(wearer=wearer, fabric=fabric, motor=UNEVEN.motor._replace(integral=integral))
+    port, arm, drive = ports_of(made)[number], made.arm, made.motor.inertia * made.servo.natural_frequency**2
+    found = linear_suit(made, angle, extensor=taut > 0.0)
+    elbow = arm.stiffness + 2.0 + 0.7 * GRAVITY * arm.mass * arm.centre * math.cos(angle + arm.elevation)
+    springs = [[drive + port.spool_stiffness, -port.across], [-port.across, port.joint_stiffness + elbow]]
+    slope = port.across * port.gear / springs[1][1]
+    spool, joint = (port.gear, slope) if integral else np.linalg.solve(springs, [drive * port.gear, 0.0])
+    rest = np.linalg.solve(np.eye(len(found.a)) - found.a, found.b)
+    assert (found.motor @ rest)[0, 0] == pytest.approx(spool / port.gear)
+    assert ((found.joint @ rest)[0, 0], found.slope) == pytest.approx((joint, slope))
+    lever, radius = float(flexor_arm(angle, prepare_suit(made).map)), made.geometry.joint_radius
+    elbows = arm.damping + 0.7 + fabric.damping * (lever**2 + taut * radius**2)
+    lost = 2.0 * made.servo.damping * made.servo.natural_frequency + elbows / arm.inertia
+    states = 5 if integral else 4
+    assert np.linalg.det(found.a[:states, :states]) == pytest.approx(math.exp(-lost * made.sample_time))
 
 
 def test_led_by_its_lag_a_drive_is_where_the_virtual_elbow_is() -> None:

@@ -14,12 +14,11 @@ import typer
 
 from bowden.app.console import InterruptedPartway, ProgressBar, folder_argument, print_json, seconds, trusting
 from bowden.core.caller import in_commands, speaking
-from bowden.core.errors import BowdenError
+from bowden.core.errors import BowdenError, note
 from bowden.core.files import output_folder
 from bowden.operations.support.operation import Operation, OperationParameter, Role, parameters
-from bowden.operations.support.results import Result, json_of
-from bowden.operations.support.trust import doubt, trusted
-from bowden.views.text import Call, note
+from bowden.operations.support.results import Result, doubt, json_of, trusted
+from bowden.views.text import Call
 
 _JSON = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import secrets
-import sys
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from functools import partial
@@ -15,12 +14,13 @@ from bowden.console.guided import GuidedPath
 from bowden.console.jobs import Jobs
 from bowden.console.lease import Lease, Stamps
 from bowden.console.runs import RunOwner, RunSeen, TerminalRun
-from bowden.console.settings import RunSettings, shortly
+from bowden.console.settings import RunSettings
 from bowden.console.state import VOLATILE, error_of, gains_of, rig_of, run_of
 from bowden.console.stream import Watch
+from bowden.core.arguments import format_value
 from bowden.core.clock import SECOND
 from bowden.core.documented import finite
-from bowden.core.errors import BowdenError, ParameterError, SafetyError
+from bowden.core.errors import BowdenError, ParameterError, SafetyError, note
 from bowden.design.other_law import CheckVerdict
 from bowden.hardware.twin.control import TwinControl
 from bowden.live.gain_check import required
@@ -222,7 +222,7 @@ class Console:
             except BowdenError as error:
                 self.error = error
             except Exception as error:  # signs of life go on, and so does the stop
-                print(f"bowden: note: the page is not up to date: {type(error).__name__}: {error}", file=sys.stderr)
+                note(f"the page is not up to date: {type(error).__name__}: {error}")
             due = max(due + TICK, loop.time())
             await asyncio.sleep(due - loop.time())
 
@@ -235,7 +235,7 @@ class Console:
             SafetyError: the page is not connected.
         """
         if not isinstance(take, bool):
-            raise ParameterError(f"take is {shortly(take)}", expected="true or false", do="reload the page")
+            raise ParameterError(f"take is {format_value(take)}", expected="true or false", do="reload the page")
         self._require_page(tab)
         if self._terminal is not None:
             raise SafetyError("the terminal controls this run", expected="no page in control", do="use its keys")
@@ -326,7 +326,7 @@ class Console:
             return self.start() if name == "start" else self.end()
         if not isinstance(name, str) or name not in REQUESTS:
             known = ", ".join(["start", *REQUESTS, "end"])
-            raise ParameterError(f"request is {shortly(name)}", expected=f"one of {known}", do="reload the page")
+            raise ParameterError(f"request is {format_value(name)}", expected=f"one of {known}", do="reload the page")
         self._require_page(tab)
         return await asyncio.wrap_future(self.owner.ask(tab, REQUESTS[name], seen))
 
@@ -338,9 +338,11 @@ class Console:
             SafetyError: the page does not control, nothing runs, or another change goes on.
         """
         if not isinstance(name, str) or len(name) > _LONGEST_NAME:
-            raise ParameterError(f"gain is {shortly(name)}", expected="the name of a gain", do="choose one")
+            raise ParameterError(f"gain is {format_value(name)}", expected="the name of a gain", do="choose one")
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ParameterError(f"gain {shortly(name)} is {shortly(value)}", expected="a number", do="correct it")
+            raise ParameterError(
+                f"gain {format_value(name)} is {format_value(value)}", expected="a number", do="correct it"
+            )
         session = self.owner.seen.session
         if session is not None:
             session.require_value(name, value)  # what can never be is said first, whatever the time
@@ -459,11 +461,13 @@ class Console:
         if session is None or self.owner.seen.phase != "live":
             raise SafetyError("no twin runs", do="start a session first")
         if not isinstance(fault, str) or len(fault) > _LONGEST_NAME:
-            raise ParameterError(f"fault is {shortly(fault)}", expected="the name of a fault", do="choose one")
+            raise ParameterError(f"fault is {format_value(fault)}", expected="the name of a fault", do="choose one")
         motor, _, kind = fault.rpartition(": ")
         found = [one for one in session.motors if one.name == motor]
         if not found:
-            raise ParameterError(f"there is no motor {shortly(motor)}", expected="one of the rig's", do="choose one")
+            raise ParameterError(
+                f"there is no motor {format_value(motor)}", expected="one of the rig's", do="choose one"
+            )
         drive = found[0].live.rig.drive_parameters
         await asyncio.to_thread(_injected, family_of(drive).control(drive), kind)
         return ""

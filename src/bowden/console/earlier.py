@@ -11,8 +11,8 @@ from typing import Any
 
 from bowden.console.access import Refused
 from bowden.console.jobs import Jobs
-from bowden.console.settings import shortly
 from bowden.console.stream import MOST_COLUMNS, PIXELS
+from bowden.core.arguments import format_value
 from bowden.core.documented import finite
 
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}")
@@ -79,7 +79,7 @@ class EarlierRuns:
         """
         found = self._files().get(name) if NAME.fullmatch(name) else None
         if found is None:
-            raise Refused(404, f"there is no run {shortly(name)}", do="choose one of the list")
+            raise Refused(404, f"there is no run {format_value(name)}", do="choose one of the list")
         path, (changed, _) = found
         return path.absolute(), changed
 

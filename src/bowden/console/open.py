@@ -14,7 +14,7 @@ from bowden.console.access import Guard
 from bowden.console.console import Console
 from bowden.console.runs import TerminalRun
 from bowden.console.server import application, listening, serve, server
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, note
 from bowden.core.files import output_folder
 from bowden.rig.rig import Rig
 
@@ -72,8 +72,8 @@ def opened(
     yield link
     if host not in _HERE:
         how = "without TLS: who reads along in this network can take the rig over" if files is None else "with TLS"
-        print(f"bowden: note: reachable from the network at {host}, {how}", file=sys.stderr)
-    print("bowden: note: the page does not replace the hardware emergency stop", file=sys.stderr)
+        note(f"reachable from the network at {host}, {how}")
+    note("the page does not replace the hardware emergency stop")
     if browse:
         threading.Thread(target=_browse, args=(link,), daemon=True).start()
     before = sys.getswitchinterval()

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 from bowden.console.lease import Lease, Stamps
 from bowden.core.clock import SECOND, MonotonicClock
-from bowden.core.errors import BowdenError, LogError, SafetyError
+from bowden.core.errors import BowdenError, LogError, SafetyError, note
 from bowden.core.files import printable
 from bowden.live.operator import keeping, prompt, why_not
 from bowden.live.ring import RingReader
@@ -231,7 +231,7 @@ class RunOwner:
             if asked_at is None or now - asked_at < TAKEN * SECOND:
                 session.last()  # the sign of life
                 if session.still > STANDS_STILL:
-                    print(f"bowden: note: the loop has not answered for {session.still:.0f} s", file=sys.stderr)
+                    note(f"the loop has not answered for {session.still:.0f} s")
                     return
             self._see(session)
             if count % _REMEMBER == _REMEMBER - 1 and self.seen.row is not None:

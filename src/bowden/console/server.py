@@ -5,17 +5,16 @@ import contextlib
 import inspect
 import json
 import logging
-import math
 import signal
 import socket
-import sys
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Annotated, Any
 
 import uvicorn
+from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
@@ -27,9 +26,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from bowden.console.access import LARGEST_BODY, LARGEST_MESSAGE, PAGE_POLICY, Bucket, Guard, Refused, document, said
 from bowden.console.console import Console, Viewer
 from bowden.console.earlier import KINDS
-from bowden.console.settings import shortly
 from bowden.console.stream import MOST_COLUMNS, PIXELS, SECONDS, Cursor
-from bowden.core.errors import BowdenError, DriveError, ParameterError, SafetyError
+from bowden.core.errors import BowdenError, DriveError, SafetyError, note
 
 REQUEST_WITHIN = 2.0
 """From a request's first byte to its last; a head that comes a byte a second is none [s]."""
@@ -92,7 +90,6 @@ _LOOPS = 0.2
 """Between two pictures of joint over motor [s]."""
 _BUFFER = 65_536
 """Of the kernel's for what is sent to one page: a page that does not read is seen within a second [bytes]."""
-_NUMBER = 2**32
 
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -239,7 +236,7 @@ async def _stream(console: Console, page: WebSocket) -> None:
         found = await asyncio.gather(sending, taking, return_exceptions=True)
         for one in found:
             if isinstance(one, Exception) and not isinstance(one, WebSocketDisconnect | TimeoutError | RuntimeError):
-                print(f"bowden: note: a page was dropped: {type(one).__name__}", file=sys.stderr)
+                note(f"a page was dropped: {type(one).__name__}")
         with contextlib.suppress(Exception):
             await asyncio.wait_for(page.close(1008), _SLOW)
 
@@ -255,45 +252,44 @@ async def _take(console: Console, viewer: Viewer, page: WebSocket) -> None:
         if text is None or len(text) > LARGEST_MESSAGE:
             return
         try:
-            given = document(text)
-            if given.get("stop") is True:
-                console.stop()  # nothing is waited for: signs of life come the same way
-            elif not bucket.take(time.monotonic()):
-                return
-            else:
-                _understood(console, viewer, given)
-        except BowdenError:
+            said = _Message.model_validate_json(text)
+        except ValidationError:
+            return
+        if said.stop:
+            console.stop()  # nothing is waited for: signs of life come the same way
+        elif not bucket.take(time.monotonic()):
+            return
+        elif said.life is not None:
+            console.lease.sign(viewer.tab, said.life, console.owner.clock.now())
+        elif said.view is not None:
+            view = said.view
+            seconds, pixels = _within(view.seconds, SECONDS), _within(view.pixels, PIXELS)
+            viewer.asked = (view.columns, seconds, round(pixels), view.xy, view.number)
+        else:
             return
 
 
-def _understood(console: Console, viewer: Viewer, given: dict[str, Any]) -> None:
-    """A sign of life, or a view.
+class _View(BaseModel, strict=True):
+    """What a page wants to see."""
 
-    Raises:
-        ParameterError: neither.
-    """
-    if "life" in given:
-        count = given["life"]
-        if isinstance(count, bool) or not isinstance(count, int):
-            raise ParameterError("no sign of life")
-        console.lease.sign(viewer.tab, count, console.owner.clock.now())
-        return
-    view = given.get("view")
-    if not isinstance(view, dict):
-        raise ParameterError("no message that is known")
-    columns, number = view.get("columns"), view.get("number", 0)
-    if not isinstance(columns, list) or len(columns) > MOST_COLUMNS or not all(isinstance(one, str) for one in columns):
-        raise ParameterError("no columns")
-    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < _NUMBER:
-        raise ParameterError("no number")
-    seconds, pixels = _within(view.get("seconds"), SECONDS), _within(view.get("pixels"), PIXELS)
-    viewer.asked = (columns, seconds, round(pixels), view.get("xy") is True, number)
+    columns: Annotated[list[str], Field(max_length=MOST_COLUMNS)]
+    seconds: FiniteFloat
+    pixels: FiniteFloat
+    number: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    xy: bool = False
 
 
-def _within(value: Any, ends: tuple[float, float]) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ParameterError(f"{shortly(value)} is no number")
-    return min(max(float(value), ends[0]), ends[1])
+class _Message(BaseModel, strict=True):
+    """What a page says: one of the three."""
+
+    stop: bool = False
+    life: int | None = None
+    """Grows from one sign of life to the next."""
+    view: _View | None = None
+
+
+def _within(value: float, ends: tuple[float, float]) -> float:
+    return min(max(value, ends[0]), ends[1])
 
 
 async def _send(console: Console, viewer: Viewer, page: WebSocket) -> None:
@@ -336,7 +332,7 @@ def _broken(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
     if "transport" not in context:
         loop.default_exception_handler(context)
         return
-    print(f"bowden: note: a connection was ended: {type(context.get('exception')).__name__}", file=sys.stderr)
+    note(f"a connection was ended: {type(context.get('exception')).__name__}")
 
 
 def _without_traceback(record: logging.LogRecord) -> bool:

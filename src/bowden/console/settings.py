@@ -96,7 +96,7 @@ class RunSettings:
         for name in given:
             if name not in known:
                 raise ParameterError(
-                    f"there is no setting {shortly(name)}", expected=near(name, known), do="reload the page"
+                    f"there is no setting {format_value(name)}", expected=near(name, known), do="reload the page"
                 )
         made = self
         if self.base.motors and (fixed := sorted({*given} & {*_OF_ONE})):
@@ -178,9 +178,9 @@ class RunSettings:
         base = self.base
         own: list[Mapping[str, str | None]] = []
         if self.owns_law:
-            said = [f"preset {base.preset}"] if base.preset else []
-            said += [f"{len(base.gains)} of its own"] if base.gains else []
-            own = [{"name": OWN, "title": f"of the rig: {', '.join(said) or 'defaults of the law'}"}]
+            own_words = [f"preset {base.preset}"] if base.preset else []
+            own_words += [f"{len(base.gains)} of its own"] if base.gains else []
+            own = [{"name": OWN, "title": f"of the rig: {', '.join(own_words) or 'defaults of the law'}"}]
         defaults: Mapping[str, str | None] = {"name": None, "title": "defaults of the law"}
         plain = [] if own and not self.chooses else [defaults]
         return [*own, *plain, *titled(law.presets)]
@@ -244,36 +244,32 @@ def titled(names: "Iterable[str]") -> list[dict[str, str]]:
     return [{"name": name, "title": name.replace("_", " ")} for name in names]
 
 
-def shortly(value: Any) -> str:
-    """A value from the wire, short enough for a message."""
-    words = format_value(value)
-    return words if len(words) <= 60 else f"{words[:59]}…"
-
-
 def _one_of(value: Any, known: "Mapping[str, Any] | list[str]", what: str) -> str:
     if not isinstance(value, str) or value not in known:
         names = ", ".join(known) or "none"
-        raise ParameterError(f"{what} is {shortly(value)}", expected=f"one of {names}", do="choose another one")
+        raise ParameterError(f"{what} is {format_value(value)}", expected=f"one of {names}", do="choose another one")
     return value
 
 
 def _number(value: Any, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ParameterError(f"{what} is {shortly(value)}", expected="a number", do="correct it")
+        raise ParameterError(f"{what} is {format_value(value)}", expected="a number", do="correct it")
     return float(value)
 
 
 def _text(value: Any, what: str, most: int) -> str:
     if not isinstance(value, str) or len(value) > most:
         raise ParameterError(
-            f"{what} is {shortly(value)}", expected=f"a text of at most {most} characters", do="shorten it"
+            f"{what} is {format_value(value)}", expected=f"a text of at most {most} characters", do="shorten it"
         )
     return "".join(one for one in value if one.isprintable() or one == "\n")
 
 
 def _gains(given: Any, law: Law) -> dict[str, float]:
     if not isinstance(given, Mapping):
-        raise ParameterError(f"gains is {shortly(given)}", expected="an object of gains and numbers", do="correct it")
+        raise ParameterError(
+            f"gains is {format_value(given)}", expected="an object of gains and numbers", do="correct it"
+        )
     return {_one_of(name, law.choices, "a gain"): _number(value, f"gain {name}") for name, value in given.items()}
 
 
@@ -288,7 +284,7 @@ def _section(given: Any, *, recorded: bool) -> dict[str, Any]:
         return {"kind": _RECORDED}
     if not isinstance(given, Mapping) or given.get("kind") == _RECORDED or not _plain(given, _DEEP):
         raise ParameterError(
-            f"reference is {shortly(given)}",
+            f"reference is {format_value(given)}",
             expected="the section [reference] of a rig.toml, without a file",
             do="correct it",
         )

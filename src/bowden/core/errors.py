@@ -3,6 +3,7 @@
 import contextlib
 import difflib
 import math
+import sys
 from collections.abc import Iterable, Iterator
 
 
@@ -99,6 +100,11 @@ def error_context(key: str) -> Iterator[None]:
             raise
         do = error.do or "correct it there"
         raise type(error)(f"{key}: {error.what}", expected=error.expected, do=do) from None
+
+
+def note(text: str) -> None:
+    """Say on standard error what the user should know."""
+    print(f"bowden: note: {text}", file=sys.stderr)
 
 
 def check_positive(what: str, **values: float) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from bowden.control import Law, user_law
 from bowden.core.units import DEGREES
 from bowden.rig.drive import SURE_INTEGRAL
+from bowden.rig.families import family_of
 from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
 from bowden.sim import ranges
@@ -101,8 +102,10 @@ def missing_integral(rig: Rig, law: Law, found: "Check | str") -> str:
         if found.verdict == "holds" and not with_one.peak < _MUCH_BETTER * found.peak:
             return ""
         seen = f" (in the trials by {found.peak * DEGREES:.3g}°, with one by {with_one.peak * DEGREES:.3g}°)"
+    what = "the position loop of the suit's drive has no integral, so friction in the gears holds the arm off target"
+    if not family_of(rig.drive).integrates:
+        return f"{what}{seen}; a drive of the family {rig.drive.family} can have none: take another for a suit"
     return (
-        "the position loop of the suit's drive has no integral, so friction in the gears holds the arm off its target"
-        f"{seen}; write drive_integral_per_s = {SURE_INTEGRAL:g} into [suit], with which the law {law.name} holds, and "
-        "set the same integral in the drive"
+        f"{what}{seen}; write drive_integral_per_s = {SURE_INTEGRAL:g} into [suit], with which the law {law.name} "
+        "holds, and set the same integral in the drive"
     )

@@ -80,6 +80,11 @@ def _of_motor(rig: Rig, joint: RigJoint) -> Iterator[str]:
             f"{1e3 * rig.encoders.joint_late:.3g} ms late by the cable's log; expected at least {needed}, and the "
             "cycles that a command takes to the servo; correct it in [bench]"
         )
+    if rig.worn is not None and rig.worn.motor.integral > 0.0 and not family_of(rig.drive).integrates:
+        yield (
+            f"suit.drive_integral_per_s is {rig.worn.motor.integral:g}, and the position loop of a drive of the family "
+            f"{rig.drive.family} has no integral: write 0, or take another drive"
+        )
     yield from contradictions(limits, rig.sample_time, opposed=joint.against(rig), given=rig.limits)
     if joint.shared:
         yield from reference_beyond(rig, limits)

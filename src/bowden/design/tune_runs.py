@@ -8,7 +8,6 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
-from bowden.design.trial import Kept
 from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_bend
 from bowden.plants.plant import Plant
 from bowden.sim.many import Course
@@ -97,8 +96,7 @@ def runs_of(bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[tu
     paths = [constant_bend(bend) for bend in dict.fromkeys(bends)]
     if bends[0] < bends[1]:
         paths.append(scripted_bend((5.0, 10.0, 15.0), (bends[0], bends[1], bends[0])))
-    kept = [Kept(reference) for reference in references_of(stroke)]
-    return tuple((reference, path) for path in paths for reference in kept)
+    return tuple((reference, path) for path in paths for reference in references_of(stroke))
 
 
 def references_of(stroke: tuple[float, float]) -> tuple[Trajectory, ...]:

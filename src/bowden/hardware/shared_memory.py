@@ -22,8 +22,13 @@ def create(path: Path, words: int) -> None:
         raise OutputError(f"cannot make {path}: {error.strerror}", do="make room in its folder") from error
 
 
-def mapped(path: Path, words: int, what: str) -> mmap.mmap:
-    """A block that was made before, in this process's memory.
+def mapped(path: Path, what: str, words: int = 0) -> mmap.mmap:
+    """A block that was made before, in this process's memory; populated, so that no cycle waits for a page.
+
+    Args:
+        path: of the block.
+        what: it is, for a message.
+        words: of it; 0 for all that it has.
 
     Raises:
         LogError: there is none.

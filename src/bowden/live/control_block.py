@@ -32,7 +32,7 @@ class ControlBlock:
     """
 
     def __init__(self, path: Path) -> None:
-        memory = shared_memory.mapped(path, WORDS, "control block")
+        memory = shared_memory.mapped(path, "control block", WORDS)
         self._words = memoryview(memory).cast("q")
         self._taken, self._gain_taken = 0, 0
         self._asking = threading.RLock()  # whoever is interrupted by a signal may ask again

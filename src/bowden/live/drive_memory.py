@@ -16,12 +16,12 @@ import hashlib
 import json
 import math
 import os
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from bowden.core.clock import boot_seconds
+from bowden.core.errors import note
 from bowden.core.files import state_folder
 from bowden.live.row import thermal_of
 from bowden.models.drive.thermal import ThermalState, cold, rested
@@ -63,7 +63,7 @@ def read_heat(drive: Any, limits: Limits) -> ThermalState:
         return cold(thermal)
     except _UNREADABLE as error:
         what = f"the motor's temperature after the last run cannot be read from {file_of(drive, 'thermal')}"
-        _note(f"{what} ({type(error).__name__}: {error}); it is assumed to be as hot as allowed")
+        note(f"{what} ({type(error).__name__}: {error}); it is assumed to be as hot as allowed")
         peak, most = limits.current_peak, thermal.continuous_current
         return ThermalState(limits.winding_limit, limits.housing_limit, (peak * peak - most * most) * limits.i2t_time)
 
@@ -95,7 +95,7 @@ def read_latch(drive: Any) -> int | None:
         return None
     except _UNREADABLE as error:
         what = f"the fault of the last run cannot be read from {file_of(drive, 'latched')}"
-        _note(f"{what} ({type(error).__name__}: {error}); it has to be acknowledged anyway")
+        note(f"{what} ({type(error).__name__}: {error}); it has to be acknowledged anyway")
         return 0
 
 
@@ -108,7 +108,7 @@ def keep_latch(drive: Any, faults: int) -> None:
         if not family_of(drive).simulated(drive):
             _keep(file_of(drive, "latched"), {"faults": [fault.name for fault in of(faults)]}, surely=True)
     except (OSError, RuntimeError) as error:  # RuntimeError: a user without a home
-        _note(f"the fault of this run cannot be stored ({error}); the next run will not ask for an acknowledgement")
+        note(f"the fault of this run cannot be stored ({error}); the next run will not ask for an acknowledgement")
 
 
 def acknowledge(drive: Any) -> None:
@@ -118,10 +118,6 @@ def acknowledge(drive: Any) -> None:
 
 
 _UNREADABLE = (OSError, ValueError, KeyError, TypeError, RecursionError)
-
-
-def _note(text: str) -> None:
-    print(f"bowden: note: {text}", file=sys.stderr)
 
 
 def _keep(path: Path, document: dict[str, Any], *, surely: bool) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from bowden.core.errors import ParameterError, SafetyError
+from bowden.core.errors import ParameterError, SafetyError, note
 from bowden.live.session import STANDS_STILL, Session, automatic
 from bowden.rig.families import family_of
 from bowden.safety import faults
@@ -142,7 +142,7 @@ def operate(session: Session, ending: Ending, *, auto: bool, quiet: bool) -> Non
             session.beat()
             row = session.last()
             if session.still > STANDS_STILL:
-                print(f"bowden: note: the loop has not answered for {session.still:.0f} s", file=sys.stderr)
+                note(f"the loop has not answered for {session.still:.0f} s")
                 return
             if row is not None:
                 if row["mode"] != pressed_in:
@@ -228,7 +228,7 @@ class _Ends:
 def _tell_grants(session: Session) -> None:
     for grant in session.ready["grants"]:
         if not grant["granted"]:
-            print(f"bowden: note: {grant['name']} {grant['said']}; {grant['remedy']}", file=sys.stderr)
+            note(f"{grant['name']} {grant['said']}; {grant['remedy']}")
 
 
 @contextlib.contextmanager

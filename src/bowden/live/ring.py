@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, OutputError
-from bowden.hardware.shared_memory import Barrier
+from bowden.hardware.shared_memory import Barrier, mapped
 
 WORDS = 64
 """int64 words at the beginning of a ring; the recorder's are apart from the writer's, on cache lines of their own."""
@@ -183,18 +183,9 @@ class _Mapped:
     """One process's view of a ring."""
 
     def __init__(self, path: Path) -> None:
-        try:
-            handle = os.open(path, os.O_RDWR)
-        except OSError as error:
-            raise LogError(f"cannot open the ring {path}: {error.strerror}", do="start the run first") from error
-        try:
-            size = os.fstat(handle).st_size
-            if size < _HEADER:
-                raise LogError(f"{path} has {size} bytes", expected="a ring of this version of bowden")
-            # the views below keep it; populated, so that no cycle waits for the kernel to map a page
-            memory = mmap.mmap(handle, size, mmap.MAP_SHARED | mmap.MAP_POPULATE)
-        finally:
-            os.close(handle)
+        memory = mapped(path, "ring")  # the views below keep it
+        if (size := len(memory)) < _HEADER:
+            raise LogError(f"{path} has {size} bytes", expected="a ring of this version of bowden")
         self.path = path
         self._words = memoryview(memory)[:_HEADER].cast("q")  # half the time of a numpy array for single words
         magic, version, capacity, width, length = self._words[: _JSON_WORD + 1].tolist()

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from bowden.core.arguments import format_value
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
-from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError, near
+from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError, near, note
 from bowden.core.guesses import answer
 from bowden.cycle.one_cycle import TargetSource
 from bowden.drawing import shown
@@ -205,11 +205,8 @@ class Session:
         """Have another recorder write what the ring still has, some half a minute, into a file of its own."""
         self.logs.append(self.log.with_name(f"{self.log.stem}-again{len(self.logs)}.mcap"))
         join = shlex.join(["bowden", "log", "recover", *map(str, self.logs)])
-        print(
-            f"bowden: note: the recorder has ended unexpectedly; recording goes on in {self.logs[-1]}. "
-            f"After the run, join them: {join}",
-            file=sys.stderr,
-        )
+        what = f"the recorder has ended unexpectedly; recording goes on in {self.logs[-1]}"
+        note(f"{what}. After the run, join them: {join}")
         self._record_to(self.logs[-1])
 
     def _end_recorder(self) -> None:
@@ -712,8 +709,7 @@ class Session:
                 self.error = f"the loop's process did not end within {_END:g} s and was killed"
             self.remember(self.last(), surely=True)
             if self._not_kept:
-                what = f"the motor's temperature cannot be stored ({self._not_kept})"
-                print(f"bowden: note: {what}; let it cool before the next run", file=sys.stderr)
+                note(f"the motor's temperature cannot be stored ({self._not_kept}); let it cool before the next run")
             self._await_end()
         if self.emg_process is not None:
             self.emg_process.close()
@@ -727,7 +723,7 @@ class Session:
             self._latching.submit(int).result(_END)
         except TimeoutError:
             what = f"the fault of this run is not on the disk after {_END:g} s"
-            print(f"bowden: note: {what}; the next run may not ask for an acknowledgement", file=sys.stderr)
+            note(f"{what}; the next run may not ask for an acknowledgement")
         self._latching.shutdown(wait=False)
 
 
@@ -766,8 +762,7 @@ def automatic(session: Session, stops: int = 0) -> Iterator[bool]:
             if request == Request.RUN and row["mode"] == Mode.PREFLIGHT:
                 passed = row["time"] if passed is None else passed
                 if row["faults"] and row["time"] - passed > _READINGS_WITHIN:
-                    said = f"the preflight has passed, and the run does not begin: {_listed(row, session)}"
-                    print(f"bowden: note: {said}", file=sys.stderr)
+                    note(f"the preflight has passed, and the run does not begin: {_listed(row, session)}")
                     return
             if not asked and row["mode"] == Mode.LATCHED:
                 listed = _listed(row, session)
@@ -792,8 +787,7 @@ def automatic(session: Session, stops: int = 0) -> Iterator[bool]:
                     do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
                     raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)
                 if not announced:
-                    said = f"not armed yet, {listed}; waiting, for {_LATE_PATIENCE:g} s at most"
-                    print(f"bowden: note: {said}", file=sys.stderr)
+                    note(f"not armed yet, {listed}; waiting, for {_LATE_PATIENCE:g} s at most")
                 announced = True
             session.block.ask(request, stops)
             asked = True

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bowden.core.errors import DriveError
+from bowden.core.errors import DriveError, note
 from bowden.hardware.twin.control import TwinControl
 from bowden.live import child, left_behind
 from bowden.rig.declaration import at, items_of
@@ -115,7 +115,7 @@ def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Ri
                 options = [*(["--motor", named] if named else []), "--channel", str(channels[-1])]
                 options += [] if place.get("interface") == UNIX else ["--interface", UNIX]
                 asked = shlex.join(["bowden", "twin", file, *options])
-                print(f"bowden: note: the twin's bus is {channels[-1]}: {asked}", file=sys.stderr)
+                note(f"the twin's bus is {channels[-1]}: {asked}")
             whole = rig.replace(motors=joint.motors, joints=(joint.settings,)) if joint.shared else joint.first
             twin = stack.enter_context(running_twin(whole, channels[0], ["--interface", UNIX]))
             twins.append(twin)
@@ -130,10 +130,7 @@ def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Ri
                     if at(wider, item.path) != at(usual, item.path)
                 )
                 if allowed and not motors:
-                    print(
-                        f"bowden: note: the twin shares this computer, so it may be late: {allowed} in [limits]",
-                        file=sys.stderr,
-                    )
+                    note(f"the twin shares this computer, so it may be late: {allowed} in [limits]")
                 motors[one.name] = one._replace(rig=beside.on_bus(twin.channel, UNIX))
         try:
             yield rig.replace(motors=tuple(motors[one.name] for one in rig.motors)) if rig.motors else motors[""].rig
@@ -142,8 +139,7 @@ def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Ri
                 if one.process.poll() is not None:
                     last = child.complaint(one.process).rpartition("\n")[2]
                     how = f"with exit code {one.process.returncode}{f': {last}' if last else ''}"
-                    ended = f"the twin on {one.channel} ended before the run, {how}; begin again, with a new twin"
-                    print(f"bowden: note: {ended}", file=sys.stderr)
+                    note(f"the twin on {one.channel} ended before the run, {how}; begin again, with a new twin")
 
 
 def relax_twin_limits(rig: Rig, *, measure: bool = False) -> Rig:

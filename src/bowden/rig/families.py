@@ -171,6 +171,8 @@ class DriveFamily:
     cycle_time: Callable[[Sequence[Any]], float] | None = None
     """``cycle_time(drives)``: shortest cycle with these drives of the family on one bus [s]; None where it is not
     known."""
+    integrates: bool = True
+    """False if its position loop can have no integral."""
     no_limb: Callable[[Any], bool] = lambda _: False
     """True if the rig says that no limb can be in it."""
     brakes: Callable[[Any], bool] = lambda _: False

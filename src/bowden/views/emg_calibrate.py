@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from bowden.core.errors import note
 from bowden.operations.emg_calibrate import EmgCalibration
-from bowden.views.text import Call, note
+from bowden.views.text import Call
 
 
 def write_emg_calibrate(found: EmgCalibration, call: Call, *, out: Path = Path("wearer.toml")) -> list[Path]:

@@ -3,10 +3,10 @@
 import shlex
 from pathlib import Path
 
-from bowden.core.errors import counted
+from bowden.core.errors import counted, note
 from bowden.live.figures import EmgRunFigures, EndedRun
 from bowden.operations.run import RunResult
-from bowden.views.text import Call, free_name, note, say_next
+from bowden.views.text import Call, free_name, say_next
 
 
 def show_run_to_end(found: RunResult, call: Call) -> None:

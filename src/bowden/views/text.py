@@ -80,11 +80,6 @@ def say(*lines: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
 
-def note(text: str) -> None:
-    """Say on standard error what the user should know."""
-    say(f"bowden: note: {text}")
-
-
 def rows(found: Iterable[tuple[str, str]], least: int = 0, indent: str = "") -> None:
     """A label and a text on each line, without those that say nothing."""
     shown = [(label, text) for label, text in found if text]

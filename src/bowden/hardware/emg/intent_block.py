@@ -73,7 +73,7 @@ class _Mapped:
     """One process's view of the block."""
 
     def __init__(self, path: Path) -> None:
-        self._memory = shared_memory.mapped(path, _WORDS, "block of intent")
+        self._memory = shared_memory.mapped(path, "block of intent", _WORDS)
         self._sequence = memoryview(self._memory).cast("q")[:1]
         self._barrier = shared_memory.Barrier()
 

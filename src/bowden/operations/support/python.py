@@ -11,8 +11,7 @@ from typing import Any, ParamSpec, TypeVar
 from bowden.core import arguments, guesses
 from bowden.core.errors import ParameterError
 from bowden.operations.support import operation
-from bowden.operations.support.results import Result
-from bowden.operations.support.trust import doubt, trusted
+from bowden.operations.support.results import Result, doubt, trusted
 
 Given = ParamSpec("Given")
 Value = TypeVar("Value")

@@ -213,6 +213,7 @@ FAMILY = on_can.family(
         f"the CAN timeout of an {parameters.model} is set with its maker's tool, and no frame shows whether it is: if "
         "it is not, the motor keeps its last command when this computer dies, until its supply is cut"
     ),
+    integrates=False,
     no_limb=lambda parameters: parameters.no_limb,
     example={"motor": {"gear": 9.0, "torque_constant_nm_per_a": 0.091}, "drive": {"home": "hint"}},
     zero_hint="An AK drive takes the present place for its own zero by its set-origin frame, or with its maker's tool; "
