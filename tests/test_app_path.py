@@ -18,10 +18,12 @@ from bowden.app.main import run
 from bowden.control import LAWS, Law
 from bowden.core.units import DEGREES
 from bowden.design.check import at_rest
+from bowden.design.objections import objections
 from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.trial import Trial
 from bowden.design.tune import NoGainsError
 from bowden.plants.presets.bench import default_bench
+from bowden.rig.families import names as families
 from bowden.rig.rig import Rig
 from bowden.views.check import _say_next_of
 from bowden.views.text import Call
@@ -30,6 +32,11 @@ from live_runs import COMMAND, on_a_shared_computer, tries
 pytestmark = pytest.mark.usefixtures("undrawn")
 
 CABLES = ["R_5_20", "L_4_00"]
+BOUC_WEN = (
+    'best = "bouc_wen"\n[models.bouc_wen.parameters]\nslope = 0.938\nhysteresis_gain = -0.114\nrate = 10.5\n'
+    "shape = 9.4\nexponent = 3.0\noffset = 0.0\ninitial_h = 0.0\n"
+)
+"""A model of a cable."""
 MOST_DEG = 0.3
 """RMSE of a recorded cable in simulation, with the gains that were found [deg]."""
 
@@ -95,10 +102,7 @@ def test_a_model_that_does_not_say_what_its_log_covered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("model.toml").write_text(
-        'best = "bouc_wen"\n[models.bouc_wen.parameters]\nslope = 0.938\nhysteresis_gain = -0.114\nrate = 10.5\n'
-        "shape = 9.4\nexponent = 3.0\noffset = 0.0\ninitial_h = 0.0\n"
-    )
+    Path("model.toml").write_text(BOUC_WEN)
     assert run(["init", "--model", "model.toml"]) == 0
     printed = capsys.readouterr()
     assert "Reference: 0 to 70°, the model does not say what its log covered" in printed.out
@@ -107,6 +111,29 @@ def test_a_model_that_does_not_say_what_its_log_covered(
     assert run(["init", "--model", "falling.toml", "other.toml"]) == 2
     assert "falling.toml does not say what motion its log covered" in (said := capsys.readouterr().err)
     assert "identify the log again" in said
+
+
+@pytest.mark.parametrize("family", [*families(), "moteus on a suit"])
+def test_a_rig_of_a_model_has_the_drive_that_is_asked_for(
+    family: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And nothing for which a run refuses it."""
+    monkeypatch.chdir(tmp_path)
+    Path("model.toml").write_text(BOUC_WEN)
+    name, _, suit = family.partition(" on a ")
+    words = ["init", "rig.toml", "--drive", name, "--model", "model.toml", *(["--suit"] if suit else [])]
+    assert run(words) == 0
+    rig = Rig.read("rig.toml")
+    assert rig.drive.family == name
+    assert objections(rig) == ()
+
+
+def test_a_suit_with_a_drive_that_no_limb_may_have_is_not_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["init", str(tmp_path / "suit.toml"), "--suit", "--drive", "ak_mit"]) == 2
+    assert "a suit means a limb" in capsys.readouterr().err
+    assert not (tmp_path / "suit.toml").exists()
 
 
 @pytest.mark.parametrize(("span", "code"), [(0.3, 2), (1.9, 0)])

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from bowden.control import LAWS, Law
 from bowden.core.quantity import meanings
+from bowden.core.toml_text import with_keys
 from bowden.rig.declaration import Section
 from bowden.rig.families import DEFAULT, family_named
 from bowden.rig.families import names as families
@@ -51,6 +52,25 @@ def toml_text(name: str = "rig.toml", law: str = Control().law, drive: str = DEF
             gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(LAWS[law])]
             parts.append(_commented(_aligned("[control.gains]", gains)))
     return "\n\n".join(part.rstrip() for part in parts) + "\n"
+
+
+def with_drive(text: str, drive: str, where: str) -> str:
+    """A rig.toml with a drive of another family, and what of motor, servo and limits a bench with one has.
+
+    Args:
+        text: of the file.
+        drive: name of the family.
+        where: the file, for messages.
+
+    Raises:
+        ParameterError: there is no such family.
+        OutputError: a section is written in a form that cannot be changed.
+    """
+    given = {title: dict(keys) for title, keys in family_named(drive).example.items()}
+    given["drive"] = {"family": drive} | given.get("drive", {})
+    for title, keys in given.items():
+        text = with_keys(text, title, {key: json.dumps(value) for key, value in keys.items()}, where)
+    return text
 
 
 def _with_law(table: str, law: str) -> str:

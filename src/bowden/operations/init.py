@@ -100,7 +100,7 @@ def init_file(
         path: the file to write.
         model: the model.toml of ``bowden identify``: a bench with that cable, within its motion.
         suit: write a suit on an arm, moved by EMG, in place of the bench.
-        drive: family of the bench's drive, such as ak_mit or dynamixel; cia402 if left out.
+        drive: family of the drive, such as ak_mit or dynamixel, with its motor's numbers; cia402 if left out.
         force: overwrite a file that is there.
 
     Raises:
@@ -108,14 +108,17 @@ def init_file(
         OutputError: a file that is there, or cannot be written.
     """
     import os
+    import tomllib
 
     from bowden.core.caller import argument
     from bowden.core.errors import OutputError, ParameterError
     from bowden.core.files import shortened, whole_file
     from bowden.design import rig_of_bench
+    from bowden.design.objections import objections
     from bowden.design.other_law import OURS
     from bowden.design.rig_of_suit import suit_text
-    from bowden.rig.families import DEFAULT
+    from bowden.rig.families import DEFAULT, family_named
+    from bowden.rig.rig import Rig
 
     try:
         is_there, is_folder = path.exists(), path.is_dir()
@@ -126,12 +129,6 @@ def init_file(
     if is_there and not force:
         do = f"choose another name, or overwrite it with {argument('force', True)}"
         raise OutputError(f"{path} is there already", do=do)
-    if drive is not None and (suit or model is not None):
-        raise ParameterError(
-            f"{argument('drive')} is of the default bench",
-            expected=f"it without {argument('model')} and {argument('suit', True)}",
-            do="write such a bench into another file, and take its [drive], [motor] and [servo] from there",
-        )
     said: tuple[str, ...] = ()
     trust = None
     if model is not None:
@@ -145,6 +142,19 @@ def init_file(
         text, said, trust = made.text, made.notes, cable.trust
     else:
         text = suit_text(path.name) if suit else rig_of_bench.toml_text(path.name, OURS, drive or DEFAULT)
+    if drive is not None and (suit or model is not None):
+        unseen = family_named(drive).unseen_watch(family_named(drive).parameters)
+        if suit and unseen:
+            raise ParameterError(
+                f"a suit means a limb, and {unseen}",
+                expected="a drive whose watch over its host is seen at every start, such as cia402 or moteus",
+                do=f"choose another {argument('drive')}",
+            )
+        text = rig_of_bench.with_drive(text, drive, str(path))
+        refused = objections(Rig.of_tree(tomllib.loads(text), path))
+        if refused:
+            without = f"write it without {argument('drive')}, and change both by hand"
+            raise ParameterError(f"such a rig would be refused: {refused[0]}", do=without)
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
     return Initialised((path,), said=said, cable_trust=trust)
