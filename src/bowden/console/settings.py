@@ -10,7 +10,7 @@ from typing import Any
 from bowden.control import LAWS, Law
 from bowden.core.arguments import format_value
 from bowden.core.errors import ParameterError, near
-from bowden.core.nested import said_at
+from bowden.core.nested import innermost
 from bowden.core.quantity import Quantity, declared, meanings
 from bowden.rig.rig import Rig
 from bowden.rig.sections import REFERENCES
@@ -189,7 +189,7 @@ class RunSettings:
 def gain_of(law: Law, name: str) -> dict[str, Any]:
     """A gain as the page shows it; a limit that there is not is None."""
     low, high = law.limits.get(name, (-math.inf, math.inf))
-    words = said_at(law.gains, tuple(name.split(".")), meanings)
+    words = innermost(law.gains, tuple(name.split(".")), meanings) or ""
     found = _UNIT.search(words)
     meaning, unit = (words[: found.start()].rstrip(" .,"), found[1]) if found else (words.rstrip("."), "")
     value = law.numbers[name]

@@ -13,7 +13,6 @@ author made them. A row of numbers beside one example of the tuple can stand for
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import IntEnum
-from functools import cache
 from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -85,50 +84,28 @@ def columns(example: Any, prefix: str = "", units: Mapping[str, str] | None = No
     apart = units or {}
     found = {}
     for path, _ in leaves(example):
-        unit = apart.get(name_of(path)) or apart.get(str(path[-1]) if path else "") or unit_at(example, path) or "1"
-        found[name_of((prefix, *path) if prefix else path)] = unit
+        quantity, name = quantity_at(example, path), name_of(path)
+        own = quantity.unit.replace("–", "1") if quantity else ""
+        unit = apart.get(name) or apart.get(str(path[-1]) if path else "") or own or "1"
+        found[f"{prefix}.{name}" if prefix and name else prefix or name] = unit
     return found
-
-
-def unit_at(value: Any, path: Path) -> str:
-    """The unit that the types say for a leaf, the innermost that says one; nothing where none does."""
-    return said_at(value, path, _units_of)
 
 
 def quantity_at(value: Any, path: Path) -> Quantity | None:
     """How the innermost type on the way to a leaf declares its field; None where none does."""
+    return innermost(value, path, lambda kind: {one.name: one.quantity for one in declared(kind)})
+
+
+def innermost(value: Any, path: Path, of: Callable[[Any], Mapping[str, Any]]) -> Any:
+    """What `of` has for a leaf, a type's fields each by its name, of the innermost type on the way; None of none."""
     found = None
     for step in path:
         if isinstance(step, str):
-            found = next((one.quantity for one in declared(type(value)) if one.name == step), found)
+            found = of(type(value)).get(step, found)
             value = getattr(value, step)
         else:
             value = value[step]
     return found
-
-
-def said_at(value: Any, path: Path, of: Callable[[Any], Mapping[str, str]]) -> str:
-    """Description of a leaf by the innermost type on the way to it; empty where there is none.
-
-    Args:
-        value: nested.
-        path: to the leaf.
-        of: type → field → what it says.
-    """
-    said = ""
-    for step in path:
-        if isinstance(step, str):
-            said = of(type(value)).get(step, said)
-            value = getattr(value, step)
-        else:
-            value = value[step]
-    return said
-
-
-@cache
-def _units_of(kind: Any) -> Mapping[str, str]:
-    """Field → unit that a NamedTuple's annotations have; a field that says none is left out."""
-    return {one.name: one.quantity.unit.replace("–", "1") for one in declared(kind)}
 
 
 def from_columns(example: Any, row: Mapping[str, float], prefix: str = "") -> Any:
