@@ -224,7 +224,6 @@ def test_the_rigs_own_law_with_the_gain_that_the_check_advises(advised: OtherLaw
     assert advised.rmse_deg < 0.2 * bowden.simulate(rig, "uncompensated").metrics().rmse_deg
 
 
-@pytest.mark.xfail(strict=True, reason="0.51° since the law asks for what the motor lacks: less bandwidth is advised")
 def test_it_follows_within_half_a_degree(advised: OtherLaw | None) -> None:
     assert advised is not None
     assert advised.rmse_deg < 0.5

@@ -220,8 +220,7 @@ class Ready:
         self.case, self.duration, self.dynamics, plant = case, duration, case.plant.dynamics(), case.plant
         old = before if before is not None and (before.duration, before.dt) == (duration, plant.sample_time) else None
         sampled = old.inputs.references if old is not None and old.case.reference is case.reference else None
-        given = plant, case.reference, duration, case.bend, case.seed, self.dynamics, sampled
-        self.inputs: Inputs = inputs_of(*given)
+        self.inputs: Inputs = inputs_of(plant, case.reference, duration, case.bend, case.seed, self.dynamics, sampled)
         if old is not None and old.case.bend is case.bend and old.case.plant.sheath == plant.sheath:
             self.inputs = self.inputs._replace(sheath=old.inputs.sheath)
         self.initial = initial_angle(self.dynamics, case.initial_motor, self.inputs.references)
