@@ -209,7 +209,7 @@ def test_of_what_the_backlash_inverse_began_with_a_hundredth_is_left_when_it_has
 
 
 def test_disturbance_rejection_steers_by_two_poles_at_its_bandwidth() -> None:
-    law, rest = LAWS["active_disturbance_rejection"], Sample(0.0, 0.0)
+    law, rest = LAWS["active_disturbance_rejection"].with_gains(control_bandwidth=30.0), Sample(0.0, 0.0)
     gains, state = law.gains, law.start(rest)
     omega, wanted = gains.natural_frequency, gains.control_bandwidth
     alone, off, rate = (law.step(state, rest, Reference(p, v, 0.0), DT)[1] for p, v in ((0, 0), (0.1, 0), (0, 0.1)))
