@@ -340,6 +340,8 @@ def compile_changed() -> None:
     kernel_content._function.cache_clear()
     kernel_cache._write = lambda path, content: None  # of a mutant nothing is kept
     for dispatcher, function, parts in COMPILED:
+        if getattr(dispatcher, "overloads", None):  # compiled before the change, where a test file was imported
+            dispatcher._reset_overloads()
         if kept := getattr(dispatcher, "_cache", None):
             kept._content = f"{kept._content} {kernel_content.content_of(function, parts)}"
 

@@ -208,6 +208,16 @@ def test_of_what_the_backlash_inverse_began_with_a_hundredth_is_left_when_it_has
     assert means.product == pytest.approx(math.exp(-5.0), rel=0.01)
 
 
+def test_disturbance_rejection_steers_by_two_poles_at_its_bandwidth() -> None:
+    law, rest = LAWS["active_disturbance_rejection"].with_gains(control_bandwidth=30.0), Sample(0.0, 0.0)
+    gains, state = law.gains, law.start(rest)
+    omega, wanted = gains.natural_frequency, gains.control_bandwidth
+    alone, off, rate = (law.step(state, rest, Reference(p, v, 0.0), DT)[1] for p, v in ((0, 0), (0.1, 0), (0, 0.1)))
+    assert (off - alone) * gains.slope == pytest.approx(0.1 * wanted**2 / omega**2)
+    damped = 2.0 * (wanted - gains.damping * omega) / omega**2
+    assert (rate - alone) * gains.slope == pytest.approx(0.1 * (gains.lead + damped))
+
+
 def test_what_is_on_its_way_is_no_disturbance() -> None:
     """The observer is given the command that acts: beyond a cycle of delay its two lags have the delay's mean."""
     law = informed(LAWS["active_disturbance_rejection"], rig(40.0, 8, DT))

@@ -133,6 +133,15 @@ def test_who_begins_at_rest_is_left_there_wherever_the_motor_counts_from(name: s
             assert command == pytest.approx(zero + 0.4, abs=1e-9)
 
 
+@pytest.mark.parametrize(("size", "bound"), [(0.0, "least_gain"), (1.0, "most_gain")])
+def test_the_sliding_gain_is_least_where_nothing_disturbs_and_most_where_much_does(size: float, bound: str) -> None:
+    law = known("adaptive_sliding_mode")
+    state = law.start(Sample(0.0, 0.0))
+    for k in range(3000):
+        state, _ = law.step(state, Sample(0.0, size * math.copysign(1.0, math.sin(0.05 * k))), Reference(0, 0, 0), DT)
+    assert state.gain == pytest.approx(getattr(law.gains, bound))
+
+
 def test_a_known_play_is_crossed_by_feed_forward_and_what_it_moves_is_no_disturbance() -> None:
     plain, told = (errors(known("disturbance_observer", **more), STROKE, 4.0) for more in ({}, {"width": 0.1}))
     assert rms(told) < 0.9 * rms(plain)

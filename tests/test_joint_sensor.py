@@ -15,12 +15,14 @@ from bowden.core.units import RADIANS
 from bowden.design.objections import objections
 from bowden.design.power import require_power
 from bowden.live.by_hand import require_confirmed
+from bowden.plants import estimated
 from bowden.plants.bench import Bench
 from bowden.plants.estimated import BENDS, Estimated, SensorRun, sensor_step
+from bowden.plants.plant import SheathState
 from bowden.safety.detectors import joint_unsure
 from bowden.safety.evidence import joint_doubt
 from bowden.safety.limits import Limits
-from bowden.sensing.joint_angle import JointModel
+from bowden.sensing.joint_angle import JointModel, estimate_step
 from bowden.sim.rig_runs import run_of
 from support.sensors import PAPER_ENCODER
 
@@ -90,6 +92,19 @@ def test_the_sensor_draws_its_noise_in_each_cycle_and_its_other_errors_once_a_ru
     assert len({*out[0, 3:], *other[0, 3:]}) == 6
     assert (out[:, 2].mean(), out[:, 2].std()) == pytest.approx((0.0, 1.0), abs=0.06)
     assert np.corrcoef(out[:, :3], rowvar=False) == pytest.approx(np.eye(3), abs=0.06)
+
+
+def test_an_estimated_plant_reads_its_sensor_by_the_last_of_its_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = JointModel(1.0, 0.0, 0.0, 0.1, period=1e-3, noise=0.1)
+    run = Estimated(Bench(), model).dynamics()
+    for name in ("inner_rest", "inner_observe", "inner_look"):
+        monkeypatch.setattr(estimated, name, run.parts[name])
+    body, numbers = run.rest(run.plant, 0.5, SheathState(math.pi, 1.0, 1.0)), np.array([9.0, 9.0, 0.3, 0.0, 0.0, 0.5])
+    after, seen = run.observe(run.plant, body, numbers)
+    sensor, value = sensor_step(model, body.sensor, body.inner.joint, numbers[2:], 1e-3)
+    assert value == pytest.approx(body.inner.joint + 0.1 * 0.3)
+    assert (after.sensor, after.estimate) == (sensor, estimate_step(model, body.estimate, 0.5, value, 1e-3))
+    assert seen[:2] == (after.estimate.angle, 0.5)
 
 
 def test_a_law_follows_an_estimate() -> None:
