@@ -20,7 +20,7 @@ from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
 from bowden.design.forecast import foreseen, off_reference, own_run
 from bowden.design.objections import objections
-from bowden.design.other_law import chosen_law, verdicts
+from bowden.design.verdict import chosen_law, verdicts
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.of_rig import twin_plant_of
 from bowden.live.live_run import live_run

@@ -19,9 +19,9 @@ from bowden.control import LAWS, Law
 from bowden.core.units import DEGREES
 from bowden.design.check import at_rest
 from bowden.design.objections import objections
-from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.trial import Trial
 from bowden.design.tune import NoGainsError
+from bowden.design.verdict import OtherLaw, mended_law, other_law
 from bowden.plants.presets.bench import default_bench
 from bowden.rig.families import names as families
 from bowden.rig.rig import Rig
@@ -238,7 +238,7 @@ def test_every_law_is_looked_at_however_long_the_others_took(monkeypatch: pytest
         monkeypatch.setattr("time.monotonic", lambda: 1e9 * len(seen))
         return SimpleNamespace(verdict="holds" if law.name == last else "does_not_hold")
 
-    monkeypatch.setattr("bowden.design.other_law.check_rig", checked)
+    monkeypatch.setattr("bowden.design.verdict.check_rig", checked)
     found = other_law(Rig(duration=2.0), [])
     assert found is not None
     assert found.law == last == seen[-1]

@@ -20,7 +20,7 @@ from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError
 from bowden.cycle.one_cycle import TargetSource
-from bowden.design import forecast, other_law
+from bowden.design import forecast, verdict
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import RunningTwin, running_twin
 from bowden.plants.presets.bench import default_bench
@@ -77,7 +77,7 @@ def test_what_was_checked_is_what_runs(
 
     The forecast is one that no run keeps to: its limit ends the run.
     """
-    path, check = tmp_path / "rig.toml", other_law.verdicts
+    path, check = tmp_path / "rig.toml", verdict.verdicts
     text = RIG + "off_reference_time_s = 0.4\n[control.gains]\nfeedback_gain = "
 
     def edited(*given: Any, **more: Any) -> Any:
@@ -85,7 +85,7 @@ def test_what_was_checked_is_what_runs(
         path.write_text(text + "0.5\n")
         return found
 
-    monkeypatch.setattr(other_law, "verdicts", edited)
+    monkeypatch.setattr(verdict, "verdicts", edited)
     monkeypatch.setattr(forecast, "off_reference", lambda rig, law, runs: 1e-4)
     for number in tries():
         path.write_text(text + "3.0\n")

@@ -87,7 +87,7 @@ def test_a_bus_that_another_run_has_is_told_before_the_law_is_checked(
 ) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text("")
-    monkeypatch.setattr("bowden.design.other_law.verdicts", lambda *_, **__: pytest.fail("the law is checked"))
+    monkeypatch.setattr("bowden.design.verdict.verdicts", lambda *_, **__: pytest.fail("the law is checked"))
     other = claim(UNIX, str(tmp_path / "b"), "host")
     assert run(["run", str(rig), "--auto", "--channel", str(tmp_path / "b")]) == 2
     assert "end the other run first" in capsys.readouterr().err

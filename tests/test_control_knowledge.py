@@ -76,7 +76,7 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Law]]:
         return caught
 
     monkeypatch.setattr(
-        "bowden.design.other_law.verdicts", catching("simulate", lambda joint, laws, *_: [own for (own,) in laws])
+        "bowden.design.verdict.verdicts", catching("simulate", lambda joint, laws, *_: [own for (own,) in laws])
     )
     monkeypatch.setattr("bowden.design.check.check", catching("check", lambda bench, law: [law]))
     monkeypatch.setattr("bowden.study.tune_law.search", catching("tune", lambda bench, law: [law]))

@@ -415,7 +415,7 @@ def test_a_run_judges_the_joint_and_not_each_motor(
         asked.append((joint.names, len(laws)))
         return SimpleNamespace(holds=False, reason="its motors part", verdict="does_not_hold")
 
-    monkeypatch.setattr("bowden.design.other_law.check_laws", judged)
+    monkeypatch.setattr("bowden.design.verdict.check_laws", judged)
     error = said(capsys, "run", "elbow.toml", "--twin", "--auto", code=2).err
     assert asked == [(("flexor", "extensor"), 2)]
     assert 'joint "elbow": bowden fails the check on elbow.toml: its motors part; check each alone (--motor' in error

@@ -21,7 +21,7 @@ from bowden.core.arguments import format_value
 from bowden.core.clock import SECOND
 from bowden.core.documented import finite
 from bowden.core.errors import BowdenError, ParameterError, SafetyError, note
-from bowden.design.other_law import CheckVerdict
+from bowden.design.verdict import CheckVerdict
 from bowden.hardware.twin.control import TwinControl
 from bowden.live.gain_check import required
 from bowden.live.live_run import live_run

@@ -254,6 +254,8 @@ async def _take(console: Console, viewer: Viewer, page: WebSocket) -> None:
         try:
             said = _Message.model_validate_json(text)
         except ValidationError:
+            if '"stop"' in text:
+                console.stop()  # whatever else is wrong with the message
             return
         if said.stop:
             console.stop()  # nothing is waited for: signs of life come the same way

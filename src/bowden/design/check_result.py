@@ -124,7 +124,7 @@ class Check(Plotted):
     of_rig: bool = False
     """True if that changes the rig, where no gains would do."""
     instead: str = ""
-    """Law that holds where this one does not, likewise (`bowden.design.other_law`); empty where none was found."""
+    """Law that holds where this one does not, likewise (`bowden.design.verdict`); empty where none was found."""
     shared: SharedFindings | None = None
     """Of several motors on one joint: what else was found; `trials` are then of each motor by turns."""
 

@@ -7,9 +7,9 @@ from typing import Any
 
 from bowden.core.guesses import answering
 from bowden.core.units import RADIANS
-from bowden.design.other_law import OURS, chosen_law
 from bowden.design.rig_of_model import Chosen, counting_of, model_text, with_stroke
 from bowden.design.rig_of_suit import suit_text
+from bowden.design.verdict import OURS, chosen_law
 from bowden.drawing.shown import Shown
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.trust import Trust

@@ -11,7 +11,7 @@ from bowden.core.files import output_folder
 from bowden.rig.rig import Rig
 
 if TYPE_CHECKING:
-    from bowden.design.other_law import CheckVerdict
+    from bowden.design.verdict import CheckVerdict
     from bowden.live.session import Session
 
 
@@ -45,8 +45,8 @@ def live_session(
     """
     from bowden.design.forecast import foreseen, off_reference, own_run
     from bowden.design.objections import mismatches
-    from bowden.design.other_law import CheckVerdict, verdicts
     from bowden.design.power import require_power, unseen_watch
+    from bowden.design.verdict import CheckVerdict, verdicts
     from bowden.live import left_behind
     from bowden.live.by_hand import require_confirmed
     from bowden.live.emg_process import EmgProcess

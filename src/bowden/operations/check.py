@@ -196,7 +196,7 @@ def check(
     from bowden.core.errors import error_context
     from bowden.design.forecast import foreseen
     from bowden.design.objections import as_notes, objections, refuse_sources
-    from bowden.design.other_law import checked
+    from bowden.design.verdict import checked
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
 

@@ -13,7 +13,7 @@ from bowden.operations.support.operation import Folder, GivenProgress, Operation
 from bowden.operations.support.results import Result, TrustLevel
 
 if TYPE_CHECKING:
-    from bowden.design.other_law import CheckVerdict
+    from bowden.design.verdict import CheckVerdict
     from bowden.live.session import Session
     from bowden.rig.rig import Rig
 
@@ -86,7 +86,7 @@ def demo(
     from bowden.core.errors import LogError, ParameterError
     from bowden.core.files import write_text
     from bowden.design.new_rig import around
-    from bowden.design.other_law import checked, verdict_of
+    from bowden.design.verdict import checked, verdict_of
     from bowden.identify.cable.identification import identify
     from bowden.identify.log.read import read_log
     from bowden.operations.support.progress import reported

@@ -107,7 +107,7 @@ def export(
     from bowden.core.errors import ParameterError, near
     from bowden.core.files import output_folder, whole_files
     from bowden.design.objections import refusals
-    from bowden.design.other_law import verdicts
+    from bowden.design.verdict import verdicts
     from bowden.export.files import files
     from bowden.export.readme import TARGETS, YOURS, pages
     from bowden.operations.support import given

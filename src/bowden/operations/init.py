@@ -115,8 +115,8 @@ def init_file(
     from bowden.core.files import shortened, whole_file
     from bowden.design import rig_of_bench
     from bowden.design.objections import objections
-    from bowden.design.other_law import OURS
     from bowden.design.rig_of_suit import suit_text
+    from bowden.design.verdict import OURS
     from bowden.rig.families import DEFAULT, family_named
     from bowden.rig.rig import Rig
 

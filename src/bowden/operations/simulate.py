@@ -12,7 +12,7 @@ from bowden.records.run_figures import Metrics
 
 if TYPE_CHECKING:
     from bowden.control import Law
-    from bowden.design.other_law import CheckVerdict
+    from bowden.design.verdict import CheckVerdict
     from bowden.records.trace import Trace
     from bowden.records.traces import Traces
     from bowden.rig.joints import RigJoint
@@ -195,7 +195,7 @@ def _of_joint(
 ) -> SimulatedJoint:
     """A joint with all of its motors, under each of the laws."""
     from bowden.design.objections import refusals
-    from bowden.design.other_law import verdicts
+    from bowden.design.verdict import verdicts
     from bowden.operations.support import given
     from bowden.records.traces import Traces
     from bowden.sim.rig_runs import laws_of, run_of_joint

@@ -18,12 +18,12 @@ from bowden.core.units import DEGREES
 from bowden.design.check import check
 from bowden.design.check_rig import check_rig, missing_integral
 from bowden.design.joint_tune import JointTarget, best_gains, judged_gains
-from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, NoGainsError
 from bowden.design.tune import tune as search
 from bowden.design.tune_result import Tuning
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of
+from bowden.design.verdict import OtherLaw, mended_law, other_law
 from bowden.drawing.shown import listed
 from bowden.plants.plant_file import PlantFile
 from bowden.rig.joints import RigJoint

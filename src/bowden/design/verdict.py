@@ -1,4 +1,4 @@
-"""Which law holds on a rig where another one does not, and with what error.
+"""What the check says of a rig's laws before they run; which law holds where another one does not, with what error.
 
 Laws are checked one after the other, ours first, up to the first that holds: at most one check for each built-in law,
 some half a minute where all of them are compiled anew. No clock ends it, so that the answer is the same on every
