@@ -19,6 +19,7 @@ from bowden.core import own_file
 from bowden.core.errors import LogError
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
+from bowden.hardware.drives.families.ak_mit import AkParameters
 from bowden.identify.log.read import read_log
 from bowden.live import live_run as live_run_of
 from bowden.live.events import Changes
@@ -32,6 +33,7 @@ from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
 from bowden.operations.schema import json_schema
 from bowden.records.trace import Trace
+from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdict
@@ -384,6 +386,18 @@ def test_an_emergency_and_a_preflight_that_failed_are_events(
     assert main.run(["log", "info", "changed.mcap"]) == 0
     assert "0.050 s: 0x4210: over-temperature of the power stage" in capsys.readouterr().out
     assert events[60] == "preflight_reason: none → joint_still"
+
+
+def test_an_emergency_is_said_in_the_words_of_the_drive_s_family(
+    rows: np.ndarray, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed, names = rows[:100].copy(), list(read(Path("run.mcap")).columns)
+    changed[50, names.index("emergency")] = 1.0
+    rig = Rig(drive=AkParameters(), motor={"gear": 9.0})
+    settings = run_settings(LAW_USED, Limits(), Filters(), DT) | {"rig": rig.document()}
+    write(Path("ak.mcap"), changed, settings)
+    assert main.run(["log", "info", "ak.mcap"]) == 0
+    assert family_of(rig.drive).explain(1) in capsys.readouterr().out
 
 
 def test_gaps_begin_a_replay_anew(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,6 +27,7 @@ from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import TorqueLeft, torque_left
+from bowden.hardware.realtime import Grant
 from bowden.live import drive_memory, operator, stops
 from bowden.live.figures import Damage, EndedRun, Lateness, RunMotor, RunStop, TimedText
 from bowden.live.mcap_read import Recording
@@ -108,6 +109,12 @@ class FakeSession:
 
     def wait(self, seconds: float) -> None:
         pass
+
+
+def test_what_the_system_does_not_grant_is_said_with_its_remedy(capsys: pytest.CaptureFixture[str]) -> None:
+    refused = Grant("priority 80", False, "is refused", "ulimit -r 80")
+    operator._tell_grants(SimpleNamespace(ready={"grants": [asdict(refused)]}))  # type: ignore[arg-type]
+    assert "priority 80 is refused; ulimit -r 80" in capsys.readouterr().err
 
 
 def test_a_loop_that_stands_still_is_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,6 +15,8 @@ from bowden.core.units import RADIANS
 from bowden.design.objections import objections
 from bowden.design.power import require_power
 from bowden.live.by_hand import require_confirmed
+from bowden.live.joint_estimate import LiveEstimate
+from bowden.live.row import NOTHING_READ
 from bowden.plants import estimated
 from bowden.plants.bench import Bench
 from bowden.plants.estimated import BENDS, Estimated, SensorRun, sensor_step
@@ -156,7 +158,7 @@ def test_a_limit_of_no_uncertainty_is_refused() -> None:
         (IMU, {}, "no angle has been confirmed"),
         (IMU | {"gives": "quaternion"}, {}, "bowden calibrate joint"),
         (IMU | {"gives": "quaternion", "axis": (0.0, 1.0, 0.0)}, {}, "no angle has been confirmed"),
-        ({"source": "motor"}, {}, "no angle has been confirmed"),
+        ({"source": "motor"}, {}, "nobody has said that no limb"),
         ({"source": "motor"}, {"suit": {"worn": True}}, "a suit means a limb"),
     ],
 )
@@ -171,3 +173,30 @@ def test_a_real_drive_gets_power_once_its_joint_s_angle_is_calibrated_and_confir
     with pytest.raises(SafetyError, match=said):
         (require_power if known else require_confirmed)(real)
     assert any(said in one for one in objections(real)) is known, "what check says"
+
+
+def motors_of(angles: list[float], ages: list[float] | None = None) -> list[float]:
+    """The joint, by a live estimate from the motor alone, over cycles of 1 ms."""
+    estimate = LiveEstimate(Rig(joint_sensor={"source": "motor"}, limits=Limits(motor_speed=16.0, jump=0.02)))
+    ages = ages or [0.0] * len(angles)
+    return [
+        estimate.shown(NOTHING_READ._replace(motor=angle, motor_age=age), 1e-3 * k).joint
+        for k, (angle, age) in enumerate(zip(angles, ages, strict=True))
+    ]
+
+
+@pytest.mark.parametrize("spike", [0.5, -0.5, 1e6, math.nan])
+def test_one_angle_that_no_motor_reaches_does_not_move_the_joint(spike: float) -> None:
+    """As the first of all it is believed until two others agree: then the joint is within its play again."""
+    assert motors_of([0.0] * 5 + [spike] + [0.0] * 5)[-1] == pytest.approx(0.0, abs=1e-9)
+    assert motors_of([spike] + [0.0] * 10)[-1] == pytest.approx(0.0, abs=Rig().joint_model.play)
+
+
+def test_a_motor_that_moved_on_while_it_was_not_heard_is_believed_at_once() -> None:
+    """The same angle again and again, older each time, is no word of it."""
+    speed = 14.0 * 1e-3
+    way = [k * speed for k in range(100)]
+    heard = [*way[:50], *[way[49]] * 20, *way[70:]]
+    ages = [0.0] * 50 + [float(k + 1) for k in range(20)] + [0.0] * 30
+    whole, lost = motors_of(way), motors_of(heard, ages)
+    assert lost[70:] == pytest.approx(whole[70:], abs=0.05)

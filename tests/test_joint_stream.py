@@ -7,6 +7,7 @@ import socket
 import time
 import tty
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowden import Rig
+from bowden.core.clock import SECOND
 from bowden.core.errors import StreamError
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import TargetSource
+from bowden.hardware import joint_stream
 from bowden.hardware.joint_stream import JointSamples, Raw, line_of, raw_of
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
@@ -99,14 +102,21 @@ def test_older_samples_and_other_lines_are_left_out() -> None:
     samples.close()
 
 
-def test_a_sender_whose_clock_is_set_back_is_heard_again() -> None:
-    """After one time far ahead, or a new start, not for ever silence."""
+def test_a_sender_whose_clock_is_set_back_is_heard_once_the_newer_one_is_silent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A new start, or one time far ahead, is no silence for ever; a second sender beside the first is none."""
+    time = [0]
+    monkeypatch.setattr(joint_stream, "MonotonicClock", lambda: SimpleNamespace(now=lambda: time[0]))
     port = free_port()
     samples = JointSamples(JointSensor(source="imu", stream=f"udp:{port}"))
+    heard = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        for line in (b"5.0 10.0", b"1e9 20.0", b"5.1 30.0", b"5.05 40.0"):
+        for seconds, line in ((0.0, b"1e9 20.0"), (0.5, b"5.1 30.0"), (1.5, b"5.2 40.0"), (1.6, b"5.3 50.0")):
+            time[0] = round(seconds * SECOND)
             sender.sendto(line, ("127.0.0.1", port))
-    assert samples.look() == pytest.approx(math.radians(30.0))
+            heard.append(math.degrees(samples.look()))
+    assert heard == pytest.approx([20.0, math.nan, 40.0, 50.0], nan_ok=True)
     samples.close()
 
 
@@ -142,6 +152,17 @@ def test_a_port_that_is_taken_is_refused() -> None:
     samples = JointSamples(JointSensor(source="imu", stream=f"udp:{port}"))
     with pytest.raises(StreamError, match="cannot be listened to"):
         JointSamples(JointSensor(source="imu", stream=f"udp:{port}"))
+    samples.close()
+
+
+def test_rates_that_no_body_has_are_left_out() -> None:
+    pytest.importorskip("imufusion")
+    port = free_port()
+    samples = JointSamples(JointSensor(source="imu", stream=f"udp:{port}", gives="inertial", axis=(1.0, 0.0, 0.0)))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for k, rate in enumerate((0.0, 1e30, 0.0)):
+            sender.sendto(line_of(Raw(0.01 * k, (rate, 0.0, 0.0, 0.0, 0.0, 1.0))), ("127.0.0.1", port))
+            assert math.isnan(samples.look()) is (rate > 0.0)
     samples.close()
 
 

@@ -44,10 +44,10 @@ _ROUNDED = 0.005
 
 def objections(rig: Rig) -> tuple[str, ...]:
     """What is wrong with a rig that `bowden run` refuses, in sentences; empty if it takes it."""
-    found, all_of_it = [], [own for joint in rig.each_joint for _, own, _ in joint.motors]
+    found, all_rigs = [], [own for joint in rig.each_joint for _, own, _ in joint.motors]
     for joint in rig.each_joint:
         for name, own, _ in joint.motors:
-            said = [*_of_motor(own, joint), *map(str, unpowered(own, all_of_it))]
+            said = [*_of_motor(own, joint), *map(str, unpowered(own, all_rigs))]
             found += [f"motor {quoted(name)}: {one}" if name else one for one in said]
     return tuple(found)
 

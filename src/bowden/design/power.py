@@ -1,4 +1,4 @@
-"""For what no real drive gets power, whatever its angles are: where a limb is that nobody would let go or see."""
+"""Reasons to refuse a real drive power: a limb may be there that nothing would release or see."""
 
 import shlex
 from collections.abc import Iterable, Iterator
@@ -54,11 +54,13 @@ def unpowered(rig: Rig, beside: Iterable[Rig] = ()) -> Iterator[SafetyError]:
             expected="no_limb = true in [drive], for a bare bench alone",
             do="see to it as docs/drives.md says for this drive, try it by hand, and then say so",
         )
-    if sensor.source == "motor" and limb:
+    if sensor.source == "motor" and (limb or not family.no_limb(rig.drive)):
         yield SafetyError(
-            f"{limb} means a limb, which joint_sensor.source = 'motor' does not see: a torn cable looks whole",
-            expected="an encoder, an IMU or a stretch sensor at the joint",
-            do="fit one, or run a bare bench",
+            "joint_sensor.source = 'motor' does not see the joint: a torn cable looks whole, and "
+            + (f"{limb} means a limb" if limb else "nobody has said that no limb is in this rig"),
+            expected="an encoder, an IMU or a stretch sensor at the joint; on a bare bench no_limb = true in [drive], of "
+            "a family that has that key",
+            do="fit one, or run it on a twin",
         )
     mounting, unknown = (sensor.axis, sensor.zero), JointSensor()
     if sensor.source == "imu" and sensor.gives != "angle" and mounting == (unknown.axis, unknown.zero):

@@ -35,7 +35,10 @@ from bowden.sensing.joint_sample import (
 MOST = 64
 """Samples taken in one look."""
 SET_BACK = 1.0
-"""Beyond which an older time is no datagram that was overtaken, but a sender that was started again [s]."""
+"""Beyond which an older time is no datagram that was overtaken, but a sender that was started again; and how long its
+clock before must have been silent then: else there are two senders [s]."""
+MOST_MEASURED = 1e5
+"""Rate [°/s] or acceleration [g] beyond which there is none."""
 LONGEST = 1024
 """Of a datagram [bytes]."""
 WAIT = 5.0
@@ -70,14 +73,15 @@ class _Newer:
     """Lets the samples pass that are newer than the last one."""
 
     def __init__(self) -> None:
-        self._last = -math.inf
+        self._last, self._came = -math.inf, -math.inf
 
-    def of(self, found: Iterable[Raw | None]) -> list[Raw]:
+    def accept(self, found: Iterable[Raw | None]) -> list[Raw]:
         """Those of them that are."""
-        newer = []
+        newer, now = [], MonotonicClock().now() / SECOND
         for raw in found:
-            if raw is not None and not self._last - SET_BACK < raw.time <= self._last:
-                self._last = raw.time
+            again = raw is not None and raw.time <= self._last - SET_BACK and now - self._came > SET_BACK
+            if raw is not None and (raw.time > self._last or again):
+                self._last, self._came = raw.time, now
                 newer.append(raw)
         return newer
 
@@ -125,7 +129,7 @@ class UdpLines:
             raw = raw_of(line, self._numbers)
             self._sender = self._sender or (host if raw else "")
             found += [raw] if host == self._sender else []
-        return self._newer.of(found)
+        return self._newer.accept(found)
 
     def close(self) -> None:
         """Leave the port."""
@@ -157,7 +161,7 @@ class SerialLines:
             self._begun += self._port.read(MOST * LONGEST)
         *lines, begun = self._begun.split(b"\n")
         self._begun = begun[-LONGEST:]
-        return self._newer.of(raw_of(line, self._numbers) for line in lines[-MOST:])
+        return self._newer.accept(raw_of(line, self._numbers) for line in lines[-MOST:])
 
     def close(self) -> None:
         """Leave the port."""
@@ -189,7 +193,7 @@ class LslSamples:
         """What has come since the last look."""
         values, times = self._inlet.pull_chunk(timeout=0.0, max_samples=MOST)
         found = [Raw(time, tuple(row)) for time, row in zip(times, values, strict=True)]
-        return self._newer.of(one for one in found if all(map(math.isfinite, one.values)))
+        return self._newer.accept(one for one in found if all(map(math.isfinite, one.values)))
 
     def close(self) -> None:
         """Leave the stream."""
@@ -277,6 +281,8 @@ class JointSamples:
             return between([orientation(raw.values[i : i + 4]) for i in range(0, len(raw.values), 4)])
         import numpy as np
 
+        if max(map(abs, raw.values)) > MOST_MEASURED:
+            return Quaternion(math.nan, math.nan, math.nan, math.nan)
         elapsed, self._before = raw.time - self._before, raw.time
         for i, one in enumerate(self._fused):
             rates, pull = (np.array(raw.values[6 * i + 3 * k : 6 * i + 3 * k + 3]) for k in (0, 1))

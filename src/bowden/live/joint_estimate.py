@@ -35,7 +35,8 @@ class LiveEstimate:
         self._state: JointEstimate | None = None
         self._read = math.nan
         limits = rig.supervisor_limits
-        self._speed, self._jump, self._motor, self._since = limits.motor_speed, limits.jump, math.nan, 0.0
+        self._speed, self._jump, self._span = limits.motor_speed, limits.jump, limits.sensor_span
+        self._motor, self._motor_time, self._suspect = math.nan, 0.0, math.nan
         sensor = of_twin(rig.joint_sensor, rig.drive)
         self._samples = JointSamples(sensor) if sensor.sensed else None
 
@@ -51,13 +52,13 @@ class LiveEstimate:
     def shown(self, reading: DriveReading, now: float) -> DriveReading:
         """The drive's reading at `now` [s] with the estimate in place of the joint's angle; as old as the motor's."""
         value = math.nan if self._samples is None else self._samples.look()
-        if self._state is None and math.isfinite(reading.motor):
-            self._state = estimate_start(self._model, reading.motor)
+        motor = self._credible(reading, now)
+        if self._state is None and math.isfinite(motor):
+            self._state = estimate_start(self._model, motor)
         if self._state is None:
             return reading._replace(joint=math.nan, joint_age=reading.motor_age)
         missed = 1 if math.isnan(self._read) else max(1, min(MOST_MISSED, round((now - self._read) / self._period)))
         self._read = now
-        motor = self._credible(reading.motor, now)
         for _ in range(missed - 1):
             self._state = self._step(self._model, self._state, motor, math.nan, self._period)
         self._state = estimate = self._step(self._model, self._state, motor, value, self._period)
@@ -69,12 +70,21 @@ class LiveEstimate:
             joint_sensor=value,
         )
 
-    def _credible(self, motor: float, now: float) -> float:
-        """The motor's angle; NaN of one that no motor can have reached: it would move the joint's estimate with it."""
-        if abs(motor - self._motor) > self._jump + self._speed * (now - self._since):
+    def _credible(self, reading: DriveReading, now: float) -> float:
+        """The motor's angle; NaN of one that no motor can have reached: it would move the joint's estimate with it.
+
+        A second one beside it is believed: the first of all may have been the spike.
+        """
+        motor, suspect = reading.motor, self._suspect
+        if not abs(motor) <= self._span:
             return math.nan
-        if math.isfinite(motor):
-            self._motor, self._since = motor, now
+        self._suspect = math.nan
+        far = abs(motor - self._motor) > self._jump + self._speed * (now - self._motor_time)
+        if far and not abs(motor - suspect) <= self._jump + self._speed * self._period:
+            self._suspect = motor
+            return math.nan
+        if reading.motor_age == 0.0:
+            self._motor, self._motor_time = motor, now
         return motor
 
     def close(self) -> None:

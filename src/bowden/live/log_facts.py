@@ -142,8 +142,8 @@ def _emergencies(found: Recording) -> Iterator[TimedText]:
     if EMERGENCY not in found.columns:
         return
     rig = found.settings.get("rig")
-    tree = rig.get("tree") if isinstance(rig, dict) else None
-    drive = tree.get("drive") if isinstance(tree, dict) else None
+    fields = rig.get("fields") if isinstance(rig, dict) else None
+    drive = fields.get("drive") if isinstance(fields, dict) else None
     family = drive.get("family") if isinstance(drive, dict) else None
     try:
         explain = family_named(family).explain if isinstance(family, str) else emergency_text

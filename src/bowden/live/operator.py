@@ -228,7 +228,7 @@ class _Ends:
 def _tell_grants(session: Session) -> None:
     for grant in session.ready["grants"]:
         if not grant["granted"]:
-            note(f"{grant['name']} {grant['said']}; {grant['remedy']}")
+            note(f"{grant['name']} {grant['detail']}; {grant['remedy']}")
 
 
 @contextlib.contextmanager
