@@ -58,8 +58,7 @@ def unpowered(rig: Rig, beside: Iterable[Rig] = ()) -> Iterator[SafetyError]:
         yield SafetyError(
             "joint_sensor.source = 'motor' does not see the joint: a torn cable looks whole, and "
             + (f"{limb} means a limb" if limb else "nobody has said that no limb is in this rig"),
-            expected="an encoder, an IMU or a stretch sensor at the joint; on a bare bench no_limb = true in [drive] of "
-            "a family that has it",
+            expected="an encoder, an IMU or a stretch sensor at the joint; on a bare bench no_limb = true in [drive]",
             do="fit one, or run it on a twin",
         )
     mounting, unknown = (sensor.axis, sensor.zero), JointSensor()
