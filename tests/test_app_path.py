@@ -117,7 +117,7 @@ def test_a_model_that_does_not_say_what_its_log_covered(
 def test_a_rig_of_a_model_has_the_drive_that_is_asked_for(
     family: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And nothing for which a run refuses it."""
+    """And nothing for which a run refuses it; off a suit its gains hold."""
     monkeypatch.chdir(tmp_path)
     Path("model.toml").write_text(BOUC_WEN)
     name, _, suit = family.partition(" on a ")
@@ -126,6 +126,7 @@ def test_a_rig_of_a_model_has_the_drive_that_is_asked_for(
     rig = Rig.read("rig.toml")
     assert rig.drive.family == name
     assert objections(rig) == ()
+    assert suit or bowden.check(rig).verdict == "holds"
 
 
 def test_a_suit_with_a_drive_that_no_limb_may_have_is_not_written(

@@ -113,10 +113,11 @@ def init_file(
     from bowden.core.caller import argument
     from bowden.core.errors import OutputError, ParameterError
     from bowden.core.files import shortened, whole_file
+    from bowden.core.toml_text import with_keys
     from bowden.design import rig_of_bench
     from bowden.design.objections import objections
     from bowden.design.rig_of_suit import suit_text
-    from bowden.design.verdict import OURS
+    from bowden.design.verdict import OURS, mended_law
     from bowden.rig.families import DEFAULT, family_named
     from bowden.rig.rig import Rig
 
@@ -142,7 +143,7 @@ def init_file(
         text, said, trust = made.text, made.notes, cable.trust
     else:
         text = suit_text(path.name) if suit else rig_of_bench.toml_text(path.name, OURS, drive or DEFAULT)
-    if drive is not None and (suit or model is not None):
+    if drive is not None:
         unseen = family_named(drive).unseen_watch(family_named(drive).parameters)
         if suit and unseen:
             raise ParameterError(
@@ -150,11 +151,18 @@ def init_file(
                 expected="a drive whose watch over its host is seen at every start, such as cia402 or moteus",
                 do=f"choose another {argument('drive')}",
             )
-        text = rig_of_bench.with_drive(text, drive, str(path))
-        refused = objections(Rig.of_tree(tomllib.loads(text), path))
+        if suit or model is not None:
+            text = rig_of_bench.with_drive(text, drive, str(path))
+        rig = Rig.of_tree(tomllib.loads(text), path)
+        refused = objections(rig)
         if refused:
             without = f"write it without {argument('drive')}, and change both by hand"
             raise ParameterError(f"such a rig would be refused: {refused[0]}", do=without)
+        mended = None if suit else mended_law(rig, rig.fitted())
+        if mended is not None and mended.gains:
+            gains = {name: f"{value:.3g}" for name, value in mended.gains.items()}
+            text = with_keys(text, "control.gains", gains, str(path))
+            said = (*said, f"Gains: with this drive {mended}")
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
     return Initialised((path,), said=said, cable_trust=trust)
