@@ -130,8 +130,8 @@ def test_what_was_loaded_counts_and_not_what_the_file_has_become(tmp_path: Path)
 
 
 def test_a_file_that_was_torn_is_compiled_anew(tmp_path: Path) -> None:
-    program = "from bowden.sim import faulty; from bowden.core.kernel import compiled; "
-    program += "f = compiled(faulty.as_it_is); print(f(0.0, 5.0, 0.0, 0), sum(f.stats.cache_hits.values()))"
+    program = "from bowden.sim import injected; from bowden.core.kernel import compiled; "
+    program += "f = compiled(injected.as_it_is); print(f(0.0, 5.0, 0.0, 0), sum(f.stats.cache_hits.values()))"
     assert said(tmp_path, program) == "5.0 0\n"
     (kept,) = (tmp_path / "cache").rglob("as_it_is*.kernel")
     kept.write_bytes(kept.read_bytes()[:1000])

@@ -185,7 +185,7 @@ def test_the_certificate_of_the_pages_joint() -> None:
     assert [one.at for one in found.shared.loops] == ["all cables taut", "flexor alone taut", "extensor alone taut"]
     assert found.gain_margin_db == taut.gain_margin_db
     assert all(one.gain_margin_db > taut.gain_margin_db for one in alone)  # type: ignore[operator]
-    assert found.shared.apart == pytest.approx(1.0, abs=2e-3), "no law feeds back what the joint does not show"
+    assert found.shared.apart == pytest.approx(1.0, abs=5e-3), "but for its own motor's shortfall no law feeds it back"
     assert found.shared.drift < np.radians(1.0), "and it comes to nothing"  # type: ignore[operator]
     assert "all cables taut" in repr(found)
 

@@ -309,7 +309,7 @@ def test_files_of_one_name_are_not_written_over_each_other(tmp_path: Path) -> No
 @pytest.mark.parametrize("place", ["../evil.py", "/evil.py", "evil.txt", "lab/../../evil.py"])
 def test_a_packed_rig_writes_no_file_elsewhere(tmp_path: Path, place: str) -> None:
     packed = json.loads(Rig(law=str(with_modules(tmp_path / "a", 5.0))).pack())
-    law = packed["files"]["law"]
+    law = packed["fields"]["law"]
     law["modules"] = {place: law["source"]}
     with pytest.raises(ParameterError, match="a module is in"):
         Rig.unpack(packed)

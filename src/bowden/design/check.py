@@ -360,7 +360,7 @@ def all_estimates(law: Law, trials: Iterable[Trial], dt: float) -> list[Estimate
     start = law.start(Sample(0.0, 0.0))
     begun = dict(zip(names(start), flat(start), strict=True))
     found = find_estimates(law, from_columns(start, visited[-1]), dt) if visited else []
-    return [{name: state[name] for name in found} for state in (begun, *visited)]
+    return [{name: float(state[name]) for name in found} for state in (begun, *visited)]
 
 
 def linear_points(

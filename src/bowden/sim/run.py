@@ -120,7 +120,7 @@ def run_loop(
                 asked = flat(state.source)
                 for j in range(len(asked)):
                     states[len(numbers) + j, k] = asked[j]
-        spent += (seen.joint - reference.position) ** 2
+        spent += (seen[0] - reference.position) ** 2  # what a plant shows begins with its joint
         if not abs(command) < RUNAWAY or spent > allowed:
             return k
         applied = record[2, k - delay] if k >= delay else initial_motor
