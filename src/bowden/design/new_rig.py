@@ -64,11 +64,14 @@ class NewRig(Shown):
 
     def _taut(self) -> str:
         """Where the cable is taken to be let out, which no log says."""
-        counting = self.rig.cable.counting  # type: ignore[union-attr]
+        cable: IdentifiedCable = self.rig.cable  # type: ignore[assignment]
+        counting, covered = cable.counting, cable.covered  # which is counted from that place
         motor, joint = (f"{zero / RADIANS:.3g}°" for zero in (counting.motor_zero, counting.joint_zero))
+        beyond = "" if covered is None or covered[0] <= 0.0 <= covered[1] else " (which the log does not reach)"
         return (
-            f"the motor is taken to have let the cable out where the log has it at {motor} and the joint at {joint}: a "
-            "release goes there; if it pulls there, change the sign of the joint's column, and identify it again"
+            f"the motor is taken to have let the cable out where the log has it at {motor} and the joint at "
+            f"{joint}{beyond}: a release goes there; if it pulls there, change the sign of the joint's column, and "
+            "identify it again"
         )
 
     def _gains(self) -> str:

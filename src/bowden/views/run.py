@@ -37,7 +37,7 @@ def print_summary(found: EndedRun) -> None:
         print(f"{one.name}, {one.law}: {said} over {one.seconds_led:g} s under the law")
     if found.rmse_deg is not None and not found.motors:
         print(f"{found.law}: {found.rmse_deg:.3f}° RMS, {found.peak_deg:.2f}° peak", end="")
-        home = ", the way home included" if found.ended_well else ""
+        home = ", the motion back to its start included" if found.ended_well else ""
         print(f" over {found.seconds_led:g} s under the law{home}{', on the twin' if found.twin else ''}")
     late, run_time = found.lateness, found.run_time
     if late and run_time:
