@@ -57,6 +57,10 @@ def sweep() -> None:
             shutil.rmtree(bus, ignore_errors=True)
 
 
+MAPS = "[0-9]*/maps"
+"""Of the processes that may be a loop without its operator, below /proc."""
+
+
 def await_host(
     claim: Callable[[], Callable[[], None]], tell: Callable[[str], None], clock: TimeSource | None = None
 ) -> None:
@@ -71,7 +75,7 @@ def await_host(
         DriveError: another run has it, or that loop still has it after `ENDS`.
     """
     clock, told = clock or MonotonicClock(), False
-    until, loops = clock.now() + round(ENDS * SECOND), [*Path("/proc").glob("[0-9]*/maps")]
+    until, loops = clock.now() + round(ENDS * SECOND), [*Path("/proc").glob(MAPS)]
     while True:
         try:
             claim()()
