@@ -80,6 +80,7 @@ def pages(
     position, velocity, _ = rig.trajectory.sample(np.linspace(0.0, min(rig.duration, _WATCHED), 200_001)).T
     low, high, fastest = position.min(), position.max(), np.abs(velocity).max()
     course = course_of(rig.emg)
+    width = math.degrees(rig.basis.width)
     words = {
         "title": modules[0].title,
         "preamble": preamble,
@@ -89,6 +90,7 @@ def pages(
         "unit": "counts" if isinstance(encoders, Counts) else "spool",
         "flags": FLAGS,
         "target": target,
+        "pulls": f"{2.0 * width:.0f}° or more, twice the cable's play," if width > 1.0 else "some degrees",
         "step": math.degrees(rig.supervisor_limits.target_speed * rig.sample_time),
         "period": rig.sample_time,
         "detector": detector and detector.prefix,

@@ -56,7 +56,9 @@ bool board_may_move(void)
 }
 
 /* Armed, before the law: move the motor a little, and look whether motor, joint and current answer, each the right way.
- * It is asked once the drive says that it is enabled; `seconds` count from there. `*target` is where the motor was when it was armed [rad]: add a smooth motion of some degrees that ends where it began. */
+ * It is asked once the drive says that it is enabled; `seconds` count from there, from 0 at each arming:
+ * keep the first angles and the first current then. `*target` is where the motor was when it was
+ * armed [rad]: add a smooth motion of [[pulls]] that ends where it began. */
 safety_PreflightResult board_preflight(double seconds, const safety_DriveReading *reading, double *target)
 {
     (void)seconds, (void)reading, (void)target;
