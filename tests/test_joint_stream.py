@@ -155,6 +155,20 @@ def test_a_port_that_is_taken_is_refused() -> None:
     samples.close()
 
 
+def test_a_second_sender_at_a_port_is_not_heard_beside_the_first() -> None:
+    """Of one computer too, as the twin of another run is."""
+    port = free_port()
+    samples = JointSamples(JointSensor(source="imu", stream=f"udp:{port}"))
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second,
+    ):
+        for k, (sender, angle) in enumerate(((first, 10.0), (second, 60.0), (first, 11.0))):
+            sender.sendto(line_of(Raw(1.0 + k, (angle,))), ("127.0.0.1", port))
+            assert samples.look() == pytest.approx(math.nan if sender is second else math.radians(angle), nan_ok=True)
+    samples.close()
+
+
 def test_rates_that_no_body_has_are_left_out() -> None:
     pytest.importorskip("imufusion")
     port = free_port()

@@ -75,6 +75,11 @@ class _Newer:
     def __init__(self) -> None:
         self._last, self._came = -math.inf, -math.inf
 
+    @property
+    def silent(self) -> bool:
+        """True before the first sample, and so long after the last one that another sender may begin."""
+        return MonotonicClock().now() / SECOND - self._came > SET_BACK
+
     def accept(self, found: Iterable[Raw | None]) -> list[Raw]:
         """Those of them that are."""
         newer, now = [], MonotonicClock().now() / SECOND
@@ -102,7 +107,8 @@ class UdpLines:
     """
 
     def __init__(self, host: str, port: int, numbers: int) -> None:
-        self._numbers, self._sender, self._newer = numbers, "", _Newer()
+        self._numbers, self._newer = numbers, _Newer()
+        self._sender: tuple[str, int] | None = None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.bind((host, port))
@@ -123,12 +129,13 @@ class UdpLines:
         found: list[Raw | None] = []
         for _ in range(MOST):
             try:
-                line, (host, _) = self._socket.recvfrom(LONGEST)
+                line, sender = self._socket.recvfrom(LONGEST)
             except OSError:  # nothing is there
                 break
             raw = raw_of(line, self._numbers)
-            self._sender = self._sender or (host if raw else "")
-            found += [raw] if host == self._sender else []
+            if raw is not None and self._newer.silent:
+                self._sender = sender
+            found += [raw] if sender == self._sender else []
         return self._newer.accept(found)
 
     def close(self) -> None:
