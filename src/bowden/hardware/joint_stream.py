@@ -3,8 +3,9 @@
     time v₁ … vₙ
 
 numbers apart by blanks or commas: when the sample was taken, by the sender's own clock [s], and what the sensor gives
-(docs/drives.md). What is no such line, comes from somebody else than the first sender, or is a little older than the
-last one is left out; a clock that is set back is followed. Nothing here waits once it is open.
+(docs/drives.md). What is no such line, comes from another sender while the first one is heard, or is older than the
+last one is left out; after a second of silence another sender, or a clock that is set back, is followed. Nothing here
+waits once it is open.
 """
 
 import contextlib
@@ -69,6 +70,10 @@ def raw_of(line: bytes, numbers: int) -> Raw | None:
     return Raw(time, tuple(values))
 
 
+def _seconds() -> float:
+    return MonotonicClock().now() / SECOND
+
+
 class _Newer:
     """Lets the samples pass that are newer than the last one."""
 
@@ -78,15 +83,14 @@ class _Newer:
     @property
     def silent(self) -> bool:
         """True before the first sample, and so long after the last one that another sender may begin."""
-        return MonotonicClock().now() / SECOND - self._came > SET_BACK
+        return _seconds() - self._came > SET_BACK
 
     def accept(self, found: Iterable[Raw | None]) -> list[Raw]:
         """Those of them that are."""
-        newer, now = [], MonotonicClock().now() / SECOND
+        newer = []
         for raw in found:
-            again = raw is not None and raw.time <= self._last - SET_BACK and now - self._came > SET_BACK
-            if raw is not None and (raw.time > self._last or again):
-                self._last, self._came = raw.time, now
+            if raw is not None and (raw.time > self._last or (raw.time <= self._last - SET_BACK and self.silent)):
+                self._last, self._came = raw.time, _seconds()
                 newer.append(raw)
         return newer
 

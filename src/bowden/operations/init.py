@@ -144,7 +144,8 @@ def init_file(
     else:
         text = suit_text(path.name) if suit else rig_of_bench.toml_text(path.name, OURS, drive or DEFAULT)
     if drive is not None:
-        unseen = family_named(drive).unseen_watch(family_named(drive).parameters)
+        family = family_named(drive)
+        unseen = family.unseen_watch(family.parameters)
         if suit and unseen:
             raise ParameterError(
                 f"a suit means a limb, and {unseen}",
