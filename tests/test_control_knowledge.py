@@ -158,7 +158,7 @@ def test_what_a_bench_knows() -> None:
 
 
 def test_of_a_plant_round_any_other_cable_nothing_is_known_of_the_cable() -> None:
-    bench, plant = knowledge_of(BENCH), knowledge_of(BENCH._replace(cable=BENCH.moved))
+    bench, plant = knowledge_of(BENCH), knowledge_of(BENCH._replace(cable=BENCH.simulated_cable))
     assert plant._replace(cable=bench.cable, motor_zero=bench.motor_zero).__repr__() == bench.__repr__()
     assert np.isnan(plant.cable).all()
     assert math.isnan(plant.motor_zero)

@@ -43,7 +43,7 @@ BENCH = Bench(joint_encoder=PAPER_ENCODER, motor_encoder=PAPER_ENCODER)
 
 def round_its_cable(bench: Bench) -> Bench:
     """The same, of whose cable no formula is known."""
-    return bench._replace(cable=bench.moved)
+    return bench._replace(cable=bench.simulated_cable)
 
 
 @pytest.mark.parametrize("bend", [np.pi, 1.4 * np.pi])
@@ -198,11 +198,11 @@ def test_a_rig_simulates_the_model_that_identification_recommends(shared_data: P
     fit = identify([log])
     rig = Rig(cable=fit)
     assert isinstance(rig.moved, Bench)
-    assert rig.moved.moved.name == fit.best.name == "generalised_play"
+    assert rig.moved.simulated_cable.name == fit.best.name == "generalised_play"
 
     def error(plant: Bench) -> float:
         """RMS in degrees of its cable under the log's own motor, which runs backwards."""
-        cable, motor, joints = plant.moved, (-log.motor).tolist(), []
+        cable, motor, joints = plant.simulated_cable, (-log.motor).tolist(), []
         memory, before = cable.start(cable.prepared, motor[0], 1.0, 1.0), motor[0]
         for angle in motor:
             memory, before = cable.advance(cable.prepared, memory, before, angle, angle - before, 1.0, 1e-3), angle

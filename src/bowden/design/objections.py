@@ -252,7 +252,7 @@ def _path(rig: Rig) -> NDArray[np.float64]:
 def _weak(rig: Rig, limits: Limits, path: NDArray[np.float64]) -> Iterator[str]:
     """Whether the motor can hold the joint's spring along the reference."""
     plant, motor = rig.cabled, rig.motor
-    if isinstance(plant, UserPlant) or plant.moved.physical:
+    if isinstance(plant, UserPlant) or plant.simulated_cable.physical:
         return
     load = rig.slope * (motor.pretension + motor.spring * (path - rig.home))
     current = load / (motor.gear * motor.torque_constant)

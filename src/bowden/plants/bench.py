@@ -56,7 +56,7 @@ class Bench(NamedTuple):
     """Time constant with which the joint follows the cable's end; 0 for none [s]."""
 
     @property
-    def moved(self) -> Cable:
+    def simulated_cable(self) -> Cable:
         """The cable with its kernels.
 
         Raises:
@@ -70,7 +70,7 @@ class Bench(NamedTuple):
         Raises:
             ParameterError: a part that cannot be, or a sheath that loses what the cable itself loses.
         """
-        cable = self.moved
+        cable = self.simulated_cable
         return Dynamics(
             cable.name,
             prepare_bench(self),
@@ -127,7 +127,7 @@ def prepare_bench(bench: Bench) -> Moving:
     """
     parameters = bench.cable if isinstance(bench.cable, BoucWen) else bench.cable.parameters
     check_numbers(bench._replace(cable=parameters), "bench")
-    cable, slope = bench.moved, float(bench.cable.slope)
+    cable, slope = bench.simulated_cable, float(bench.cable.slope)
     if not (bench.load_lag >= 0.0 and bench.substeps >= 1 and math.isfinite(slope) and slope != 0.0):
         raise ParameterError(
             f"bench: load_lag {bench.load_lag}, substeps {bench.substeps}, slope of the cable {slope:g}",

@@ -89,13 +89,13 @@ class Hysteresis(NamedTuple):
 
 
 @kernel
-def unloaded(cable: Prepared, motor: float, width: float, slope_factor: float) -> Hysteresis:
+def bouc_wen_start(cable: Prepared, motor: float, width: float, slope_factor: float) -> Hysteresis:
     """At rest with h = 0."""
     return Hysteresis(0.0)
 
 
 @kernel
-def travelled(
+def bouc_wen_advance(
     cable: Prepared, memory: Hysteresis, before: float, after: float, scaled: float, width: float, dt: float
 ) -> Hysteresis:
     """Eq. 7 over the motor's travel, the play being as wide as the sheath makes it."""
@@ -103,13 +103,13 @@ def travelled(
 
 
 @kernel
-def plain_look(cable: Prepared, memory: Hysteresis, motor: float, width: float, slope_factor: float) -> Seen:
+def bouc_wen_look(cable: Prepared, memory: Hysteresis, motor: float, width: float, slope_factor: float) -> Seen:
     """See `bowden.models.cable.sheath.joint_in_sheath`."""
     return Seen(joint_in_sheath(motor, memory.h, width, slope_factor, cable.cable), np.nan, memory.h)
 
 
 @kernel
-def bent_look(cable: Prepared, memory: Hysteresis, motor: float, width: float, slope_factor: float) -> Seen:
+def bouc_wen_static_look(cable: Prepared, memory: Hysteresis, motor: float, width: float, slope_factor: float) -> Seen:
     """See `bowden.models.cable.bouc_wen_static`."""
     return Seen(
         joint_angle(motor, memory.h, width, slope_factor, cable.cable.cable, cable.cable.terms), np.nan, memory.h
@@ -127,10 +127,18 @@ def bouc_wen(cable: BoucWen | None = None, terms: StaticTerms | None = None) -> 
         value = getattr(cable, name)
         if not least < value < math.inf:
             raise ParameterError(f"the cable's {name} is {value:g}", expected=f"a number above {least:g}")
-    hysteresis = prepare_cable(cable)
+    hysteresis, kernels = prepare_cable(cable), (bouc_wen_start, bouc_wen_advance)
     if terms is None:
-        return Cable("bouc_wen", cable, Prepared(cable, hysteresis), unloaded, travelled, plain_look, cable.slope)
+        return Cable("bouc_wen", cable, Prepared(cable, hysteresis), *kernels, bouc_wen_look, cable.slope)
     if not terms.half_range > 0.0:
         raise ParameterError(f"bouc_wen_static: half_range is {terms.half_range}", expected="a number above 0")
     bent = BentCable(cable, terms)
-    return Cable("bouc_wen_static", bent, Prepared(bent, hysteresis), unloaded, travelled, bent_look, cable.slope)
+    return Cable(
+        "bouc_wen_static",
+        bent,
+        Prepared(bent, hysteresis),
+        bouc_wen_start,
+        bouc_wen_advance,
+        bouc_wen_static_look,
+        cable.slope,
+    )

@@ -355,7 +355,7 @@ def check_alike(motors: Sequence[JointMotor], laws: Sequence[Law]) -> None:
             )
         if one.bench.dynamics().parts != other.bench.dynamics().parts:
             raise ParameterError(
-                f"{both} have cables of the kinds {one.bench.moved.name} and {other.bench.moved.name}",
+                f"{both} have cables of the kinds {' and '.join(m.bench.simulated_cable.name for m in (one, other))}",
                 expected="one kind for all, each with parameters of its own",
                 do=do,
             )

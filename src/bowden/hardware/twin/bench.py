@@ -113,7 +113,7 @@ class TwinBench(TwinPlant):
     """The bench, round any cable; see `TwinPlant`."""
 
     def _begin(self, plant: Bench, motor: float, now: float) -> None:
-        self.bench, self._cable = plant, plant.moved
+        self.bench, self._cable = plant, plant.simulated_cable
         self.speed_limit, self.current_limit = plant.servo.speed_limit, plant.motor.current_limit
         dynamics = plant.dynamics()
         self._plant: Moving = dynamics.plant
