@@ -108,8 +108,7 @@ def export(
     from bowden.core.files import output_folder, whole_files
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
-    from bowden.export.files import files
-    from bowden.export.readme import TARGETS, YOURS, pages
+    from bowden.export.files import TARGETS, YOURS, files, pages
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
     from bowden.rig.counts import Counts, counts_of, guessed
@@ -243,7 +242,7 @@ def _recording(rig: "Rig", law: "Law") -> str:
     import numpy as np
 
     from bowden.control import user_law
-    from bowden.export.readme import COLUMNS
+    from bowden.export.files import COLUMNS
     from bowden.sim.run import simulate
 
     duration = min(RECORDED, rig.duration)
