@@ -54,5 +54,6 @@ def run_chirp(law: bowden.Law, fit: Calibration | None = None, duration: float =
 
 def true_bound(fit: Calibration | None = None) -> float:
     """The true Dm, height of the cable's hysteresis |αh|·gap·max|h| [rad]."""
-    plant = bench(fit or bench_fit())
-    return abs(plant.cable.hysteresis_gain) * plant.sheath.gap * float(saturation(plant.cable))
+    cable, sheath = bench(fit or bench_fit())[:2]
+    assert isinstance(cable, BoucWen)
+    return abs(cable.hysteresis_gain) * sheath.gap * float(saturation(cable))
