@@ -188,6 +188,11 @@ def check(
     Raises:
         ParameterError: a rig, law or setting that cannot be used.
 
+    Examples:
+        bowden check rig.toml
+        bowden check rig.toml --preset paper
+        bowden check rig.toml --law my_law.py --json
+
     >>> from bowden import Rig, check
     >>> found = check(Rig(), "adaptive")
     >>> found.holds, found.verdict, round(found.gain_margin_db)
@@ -281,15 +286,4 @@ def _figures(found: "Check", joint: "RigJoint") -> dict[str, Any]:
     }
 
 
-OPERATIONS = (
-    Operation(
-        "check",
-        check,
-        (
-            "bowden check rig.toml",
-            "bowden check rig.toml --preset paper",
-            "bowden check rig.toml --law my_law.py --json",
-        ),
-        place=80,
-    ),
-)
+OPERATIONS = (Operation("check", check, 80),)

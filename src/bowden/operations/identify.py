@@ -232,6 +232,15 @@ def identify(
         LogError: a file that cannot be read, signals that nothing can be fitted to, or logs that do not go together.
         ParameterError: arguments of the wrong kind, or that do not go together.
 
+    Examples:
+        bowden identify log.csv
+        bowden identify log.csv.gz --out out/cable
+        bowden identify raw.csv --unit counts --counts-per-turn 8192,4000 --rate 1000
+        bowden identify low.csv mid.csv high.csv --load 0.02,0.06,0.12
+        bowden identify low.csv mid.csv high.csv --load joint_torque_nm
+        bowden identify new.csv --model out/identify/model.toml --out out/new
+        bowden identify log.csv --json
+
     >>> import bowden
     >>> import numpy as np
     >>> time = np.arange(0.0, 20.0, 0.01)
@@ -291,19 +300,4 @@ def _of(kind: type[Part], source: Any, **known: Any) -> Part:
     return kind(**known)
 
 
-OPERATIONS = (
-    Operation(
-        "identify",
-        identify,
-        (
-            "bowden identify log.csv",
-            "bowden identify log.csv.gz --out out/cable",
-            "bowden identify raw.csv --unit counts --counts-per-turn 8192,4000 --rate 1000",
-            "bowden identify low.csv mid.csv high.csv --load 0.02,0.06,0.12",
-            "bowden identify low.csv mid.csv high.csv --load joint_torque_nm",
-            "bowden identify new.csv --model out/identify/model.toml --out out/new",
-            "bowden identify log.csv --json",
-        ),
-        place=20,
-    ),
-)
+OPERATIONS = (Operation("identify", identify, 20),)

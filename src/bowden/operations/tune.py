@@ -97,6 +97,11 @@ def tune(
             nearest rig for which some do.
         BrokenOff: interrupted; a KeyboardInterrupt whose ``tuning`` has the best gains so far.
 
+    Examples:
+        bowden tune rig.toml
+        bowden tune rig.toml --dry-run --json
+        bowden tune rig.toml --study study.toml
+
     >>> from bowden import Rig, tune
     >>> tuning = tune(Rig(), "adaptive", generations=1)
     >>> tuning.rig.gains == tuning.gains, tuning.found.verdict
@@ -153,15 +158,4 @@ def _figures(found: "Tuning", rig: "Rig") -> dict[str, Any]:
     }
 
 
-OPERATIONS = (
-    Operation(
-        "tune",
-        tune,
-        (
-            "bowden tune rig.toml",
-            "bowden tune rig.toml --dry-run --json",
-            "bowden tune rig.toml --study study.toml",
-        ),
-        place=110,
-    ),
-)
+OPERATIONS = (Operation("tune", tune, 110),)

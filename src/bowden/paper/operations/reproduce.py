@@ -70,6 +70,11 @@ def reproduce(*, only: list[str] | None = None, progress: GivenProgress = None) 
 
     Raises:
         ParameterError: an id that no claim has.
+
+    Examples:
+        bowden reproduce
+        bowden reproduce --only table1 --only fig16
+        bowden reproduce --json
     """
     from bowden.operations.support.progress import reported
     from bowden.paper.reproduce import reproduce as run
@@ -81,11 +86,4 @@ def reproduce(*, only: list[str] | None = None, progress: GivenProgress = None) 
     return Reproduced(tuple(claims), tuple(remarks), tuple(said["calibrations"]), made=outcome)
 
 
-OPERATIONS = (
-    Operation(
-        "reproduce",
-        reproduce,
-        ("bowden reproduce", "bowden reproduce --only table1 --only fig16", "bowden reproduce --json"),
-        place=140,
-    ),
-)
+OPERATIONS = (Operation("reproduce", reproduce, 140),)
