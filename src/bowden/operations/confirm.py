@@ -47,6 +47,10 @@ def confirm(rig: GivenRig, *, motor: str | None = None, channel: str | None = No
         ParameterError: there is no terminal, or the encoders say something else.
         DriveError: a bus or drive that cannot be used.
         StreamError: the joint's sensor cannot be read.
+
+    Examples:
+        bowden confirm rig.toml
+        bowden confirm rig.toml --channel can1
     """
     from math import nan
 
@@ -97,6 +101,4 @@ def _line() -> str | None:
     return sys.stdin.readline() if ready else None
 
 
-OPERATIONS = (
-    Operation("confirm", confirm, ("bowden confirm rig.toml", "bowden confirm rig.toml --channel can1"), place=45),
-)
+OPERATIONS = (Operation("confirm", confirm, 45),)
