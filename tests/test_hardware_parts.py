@@ -94,7 +94,7 @@ def encoder_on(given_: OdriveParameters, overrides: object = None) -> tuple[Join
 
 def taken(encoder: JointEncoder, bus: MemoryBus) -> list[float]:
     """What the encoder makes of all frames that there are."""
-    found = [encoder.read(message.arbitration_id, bytes(message.data), bus.time) for message in bus.drain()]
+    found = [encoder.take(message.arbitration_id, bytes(message.data), bus.time) for message in bus.drain()]
     return [angle for angle in found if angle is not None]
 
 
@@ -180,21 +180,21 @@ def test_an_encoder_in_an_emergency_or_without_its_heartbeat_tells_nothing() -> 
     taken(encoder, bus)
     reading = (frames.TPDO1 + 32, (4096).to_bytes(4, "little"))
     now = bus.time
-    assert encoder.read(*reading, now) is not None
-    encoder.read(frames.EMERGENCY + 32, frames.pack_emergency(0x1000, 1), now)
-    assert encoder.read(*reading, now) is None
-    encoder.read(frames.EMERGENCY + 32, frames.pack_emergency(0, 0), now)
-    assert encoder.read(*reading, now) is not None
-    assert encoder.read(*reading, now + 2.0 * MOST_SILENCE) is None
-    encoder.read(frames.HEARTBEAT + 32, bytes((frames.PRE_OPERATIONAL,)), now + 2.0 * MOST_SILENCE)
-    assert encoder.read(*reading, now + 2.0 * MOST_SILENCE) is None
+    assert encoder.take(*reading, now) is not None
+    encoder.take(frames.EMERGENCY + 32, frames.pack_emergency(0x1000, 1), now)
+    assert encoder.take(*reading, now) is None
+    encoder.take(frames.EMERGENCY + 32, frames.pack_emergency(0, 0), now)
+    assert encoder.take(*reading, now) is not None
+    assert encoder.take(*reading, now + 2.0 * MOST_SILENCE) is None
+    encoder.take(frames.HEARTBEAT + 32, bytes((frames.PRE_OPERATIONAL,)), now + 2.0 * MOST_SILENCE)
+    assert encoder.take(*reading, now + 2.0 * MOST_SILENCE) is None
     bus.close()
 
 
 @given(st.integers(0, 0x7FF), st.binary(max_size=8))
 @settings(max_examples=300, deadline=None)
 def test_no_frame_breaks_the_encoder(identifier: int, data: bytes) -> None:
-    angle = JointEncoder(ENCODER).read(identifier, data, 1.0)
+    angle = JointEncoder(ENCODER).take(identifier, data, 1.0)
     assert angle is None or math.isfinite(angle)
 
 
