@@ -368,7 +368,7 @@ UNFIT: Mapping[str, list[tuple[dict[Any, Any], dict[str, Any], str]]] = {
         ({10: 1}, {}, "Drive Mode is 1"),
         ({38: 10, 39: 0}, {}, "beyond the drive's own"),
         ({38: 255, 39: 15}, {"model": "PH54-200-S500"}, "may draw more"),
-        ({6: 52}, {"model": "XL330-M288"}, "Firmware Version is 52"),
+        ({6: 52}, {"model": "XL330-M288"}, "firmware with different addresses"),
         ({}, {"motor_home": 0.0}, "after power-off"),
     ],
     "feetech": [
