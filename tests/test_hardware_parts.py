@@ -10,7 +10,6 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_sensor import MOST_SILENCE
-from bowden.hardware.drives.driver import Readings
 from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.findings import INERT, InertWatch
 from bowden.hardware.drives.joint_encoder import JointEncoder, check_beside
@@ -31,14 +30,8 @@ def test_a_limited_range_is_followed_over_its_ends(moves: list[float], start: fl
     for move in moves:
         true += move
         shown = (true + 12.5) % 25.0 - 12.5
+        assert math.isnan(turns.follow(math.nan))  # which changes no turn
         assert turns.follow(shown) == pytest.approx(true, abs=1e-9)
-
-
-def test_a_value_that_is_none_changes_no_turn() -> None:
-    turns = LimitedRange(25.0)
-    turns.follow(12.4)
-    assert math.isnan(turns.follow(math.nan))
-    assert turns.follow(-12.4) == pytest.approx(12.6)
 
 
 @given(st.floats(-100.0, 100.0), st.floats(0.01, 10.0), st.floats(-100.0, 100.0))
@@ -56,28 +49,6 @@ def test_an_inert_motor_is_seen_within_fifty_milliseconds_and_one_that_turns_or_
     assert not any(watch.inert(0.3 + 3e-4 * k, 1e-3 * k, in_vain=True) for k in range(200))
     assert not any(watch.inert(0.3, 1e-3 * k, in_vain=k % 15 != 0) for k in range(200))
     assert INERT < 65536
-
-
-def test_readings_are_made_of_replies() -> None:
-    readings = Readings()
-    readings.cycle(10.0)
-    first = readings.reading(10.0, DISABLED, 0.0)
-    assert math.isnan(first.motor)
-    assert (first.heartbeat_age, first.motor_age, first.emergency) == (0.0, math.inf, 0.0)
-    readings.cycle(10.001)
-    readings.replied_at = 10.001
-    readings.moved(0.5, 2.0, 30.0, 10.0)
-    readings.failed(4)
-    readings.failed(4)
-    readings.foreign += 1.0
-    second = readings.reading(10.001, DriveState.FAULT, 1.0)
-    assert second.motor == 0.5
-    assert (second.motor_age, second.joint_age, second.emergency, second.foreign) == (0.0, math.inf, 4.0, 1.0)
-    assert second.sample_age == pytest.approx(0.001)
-    readings.cycle(10.011)
-    third = readings.reading(10.011, DriveState.FAULT, 1.0)
-    assert (third.motor_age, third.emergency, third.foreign) == (1.0, 0.0, 0.0)
-    assert third.heartbeat_age == pytest.approx(0.01)
 
 
 ENCODER = OdriveParameters(joint_home=0.1, answer_timeout=0.2)
