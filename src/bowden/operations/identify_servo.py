@@ -10,7 +10,7 @@ from bowden.operations.support.operation import GivenProgress, Operation, Switch
 from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
-    from bowden.identify.servo.fit import ServoEstimate, ServoFit
+    from bowden.identify.servo import ServoEstimate, ServoFit
     from bowden.plants.counting import Encoders
 
 _NO_CYCLE = 0.05
@@ -108,8 +108,8 @@ def identify_servo(
     40
     """
     from bowden.core.units import HERTZ, RADIANS
-    from bowden.identify.servo.fit import identify_servo as fit
-    from bowden.identify.servo.log import read_servo_log
+    from bowden.identify.servo import identify_servo as fit
+    from bowden.identify.servo import read_servo_log
     from bowden.operations.support.given import check_number
     from bowden.operations.support.progress import reported
     from bowden.plants.counting import NOT_SAID
