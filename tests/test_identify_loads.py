@@ -19,7 +19,6 @@ from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import Recalibration
 from bowden.identify.cable.identification import identify
 from bowden.identify.cable.loads import _levels
-from bowden.identify.cable.recalibrate import recalibrated
 from bowden.identify.log.read import Log, read_log
 from bowden.identify.log.variables import Scheduled, variables_of
 from bowden.models.cable.bouc_wen import saturation
@@ -28,6 +27,7 @@ from bowden.operations.schema import json_schema
 from bowden.plants.bends import ConstantBend
 from bowden.plants.cable import Cable
 from bowden.plants.identified import CableModel, IdentifiedCable, load_cable
+from bowden.plants.recounted import recalibrated
 from bowden.plants.scheduled_cable import scheduled
 
 Array = NDArray[np.float64]

@@ -19,10 +19,12 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import global_value, is_kernel, reaching
 from bowden.core.nested import is_named
 from bowden.core.primitives import cos, exp, floor, log, power, sin, sqrt, tanh
-from bowden.export.kinds import (
+from bowden.export.source import KernelSource, operators
+from bowden.export.unit import (
     Kind,
     Row,
     Struct,
+    Unit,
     hints_of,
     identifier,
     is_enum,
@@ -31,9 +33,8 @@ from bowden.export.kinds import (
     kind_name,
     kind_of,
     snake_case,
+    unused,
 )
-from bowden.export.source import KernelSource, operators
-from bowden.export.unit import Unit, unused
 
 CHOICE, OR, AND, BITS, EQUAL, LESS, SUM, PRODUCT, UNARY, ATOM = range(10)
 """How strongly an operator of C binds; those of bits stand in brackets beside one another."""

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bowden.core.kernel import compiled, kernel, reached, specialise
-from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing, TwinPlant
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, Look, TwinPlant
 from bowden.models.cable.shared_joint import JointLoad, cable_pull, shared_joint
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.servo import servo_approach
@@ -73,7 +73,7 @@ def move(
     Args:
         plant: prepared.
         motion: before.
-        doing: `OFF`, `FOLLOW` or `BRAKE`.
+        doing: see `Doing`.
         command: the target to follow [rad].
         count: of sub-steps.
         sheathing: of the stretch.
@@ -166,25 +166,6 @@ class TwinBench(TwinPlant):
         return sheath_state(self.bench.sheath, self._bend_at(time))
 
     @property
-    def motor(self) -> float:
-        """Spool angle [rad]."""
-        return self._motion.position
-
-    @property
-    def velocity(self) -> float:
-        """Of the spool [rad/s]."""
-        return self._motion.velocity
-
-    @property
-    def joint(self) -> float:
-        """Joint angle [rad]."""
-        if self.shared is not None:
-            return self.shared.joint(self)
-        if not math.isnan(self._sag):
-            return self._sag
-        return self._motion.joint
-
-    @property
     def alone(self) -> float:
         """Where this cable would have the joint, whatever else pulls it [rad]."""
         return self._motion.joint
@@ -197,7 +178,7 @@ class TwinBench(TwinPlant):
     def _slope(self) -> float:
         return abs(self.bench.cable.slope) * self._sheath_at(self._time).slope_factor
 
-    def _load(self) -> float:
+    def _load(self, joint: float) -> float:
         """Torque of the cable on the spool: its own where it knows forces, and else the spring's through it [N·m]."""
         motor = self.bench.motor
         if self.shared is not None:
@@ -206,27 +187,23 @@ class TwinBench(TwinPlant):
             return 0.0
         if self._cable.physical:
             return self._motion.seen.torque
-        return self._slope() * (motor.pretension + motor.spring * self.joint)
+        return self._slope() * (motor.pretension + motor.spring * joint)
 
-    @property
-    def tension(self) -> float:
-        """Of the cable at the spool: its torque over the spool's radius [N]."""
-        return max(0.0, self._load()) / self.physics.spool_radius
-
-    @property
-    def current(self) -> float:
-        """Of the motor; zero without torque [A]."""
-        if self.doing == OFF:
-            return 0.0
-        motor = self.bench.motor
-        return (motor.inertia * self._motion.acceleration + self._load()) / (motor.gear * motor.torque_constant)
+    def look(self) -> Look:
+        """See `TwinPlant.look`; the tension is the cable's torque over the spool's radius."""
+        motion, motor = self._motion, self.bench.motor
+        joint = motion.joint if math.isnan(self._sag) else self._sag
+        joint = joint if self.shared is None else self.shared.joint(self)
+        load = self._load(joint)
+        current = (motor.inertia * motion.acceleration + load) / (motor.gear * motor.torque_constant)
+        return Look(motion.position, motion.velocity, joint, max(0.0, load) / self.physics.spool_radius, current)
 
     def read_encoders(self) -> tuple[float, float]:
         """What the joint's and the motor's encoder show now, with the noise of the next cycle [rad]."""
-        of_joint, of_motor = (float(normal) for normal in self._noise(2))
+        (of_joint, of_motor), now = self._noise(2), self.look()
         return (
-            float(reading(self.joint, of_joint, self.bench.joint_encoder)),
-            float(reading(self.motor, of_motor, self.bench.motor_encoder)),
+            float(reading(now.joint, float(of_joint), self.bench.joint_encoder)),
+            float(reading(now.motor, float(of_motor), self.bench.motor_encoder)),
         )
 
 
