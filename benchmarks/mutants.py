@@ -275,6 +275,8 @@ def put_in_place(mutant: Mutant) -> None:
     file, text = str(PACKAGE / mutant.path), changed_source(mutant)
     linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
     code = compile(text, file, "exec")
+    name = "bowden." + mutant.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+    module = importlib.import_module(name)  # or a test that imports it late would import what has not changed
     if mutant.function:
         outer = mutant.function.partition(".<locals>")[0]
         new = next(one for one in codes(code) if one.co_qualname == outer)
@@ -283,8 +285,7 @@ def put_in_place(mutant: Mutant) -> None:
             if function.__code__.co_filename == file:
                 function.__code__ = new
         return
-    name = "bowden." + mutant.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-    before, after = vars(importlib.import_module(name)), {"__name__": name, "__file__": file}
+    before, after = vars(module), {"__name__": name, "__file__": file}
     old = dict(before)
     exec(code, after)
     for key, value in after.items():

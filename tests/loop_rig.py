@@ -17,7 +17,7 @@ from bowden.live import control_block, ring
 from bowden.live.brake_hold import BrakeHold
 from bowden.live.control_block import ControlBlock
 from bowden.live.figures import Damage
-from bowden.live.loop import Ended, Loop, MotorParts
+from bowden.live.loop import Ended, Loop, LoopMotor
 from bowden.live.mcap_read import Recording
 from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
 from bowden.live.row import AT, NOTHING_READ, columns, description
@@ -90,7 +90,7 @@ class LoopRig:
         cycle = Cycle(law, limits, Filters(), PERIOD / SECOND, source)
         cycle.begin(NOTHING_READ, cold(limits.thermal), latched)
         writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
-        self.loop = Loop((MotorParts(drive, cycle, script, course, push, brake),), writer, words, self, 0)
+        self.loop = Loop((LoopMotor(drive, cycle, script, course, push, brake),), writer, words, self, 0)
 
     def now(self) -> int:
         return self.time

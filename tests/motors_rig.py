@@ -17,7 +17,7 @@ from bowden.live import control_block, ring, row, together
 from bowden.live.control_block import ControlBlock
 from bowden.live.ended import Ended
 from bowden.live.figures import Damage
-from bowden.live.loop import Loop, MotorParts
+from bowden.live.loop import Loop, LoopMotor
 from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Preflight
 from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
@@ -131,7 +131,7 @@ class MotorsRig:
         for drive, script, latch, allowed, by in zip(self.drives, self.scripts, latches, own, laws, strict=True):
             cycle = Cycle(by, allowed, Filters(), PERIOD / SECOND)
             cycle.begin(NOTHING_READ, cold(allowed.thermal), latch)
-            parts.append(MotorParts(drive, cycle, script))
+            parts.append(LoopMotor(drive, cycle, script))
         writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
         self.loop = Loop(
             parts, writer, words, self, 0, independent=independent, encoders=encoders, neighbours=neighbours

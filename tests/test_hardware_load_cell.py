@@ -135,7 +135,7 @@ def test_stuck_turned_and_drifting_cells_say_so_in_their_readings() -> None:
 
 def test_what_a_device_calls_invalid_or_an_emergency_is_none() -> None:
     cell = LoadCellReader(NODE, 0.1)
-    cell._health.begin()
+    cell._began(operational=True)
     data = (2250).to_bytes(4, "little", signed=True)
     cell.take(frames.TPDO1 + 33, data + b"\0", 1.0)
     assert cell.value(1.0) == 20.0
@@ -158,7 +158,7 @@ def test_what_a_device_calls_invalid_or_an_emergency_is_none() -> None:
 def test_no_frame_makes_more_than_its_number(identifier: int, data: bytes) -> None:
     for given_ in (NODE, PLAIN, NODE._replace(measures="torque")):
         cell = LoadCellReader(given_, 0.1)
-        cell._health.begin()
+        cell._began(operational=True)
         cell.take(identifier, data, 1.0)
         value = cell.value(1.0)
         assert math.isnan(value) or abs(value) <= max(abs(given_.value(end)) for end in given_.ends)

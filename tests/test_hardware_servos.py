@@ -5,6 +5,7 @@ import os
 import random
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -62,7 +63,7 @@ def test_packets_are_those_of_robotis(sdk: Any) -> None:
 
 
 def test_models_and_addresses_are_those_of_robotis(sdk: Any) -> None:
-    from dynamixel_easy_sdk.control_table import ControlTable
+    from dynamixel_easy_sdk.control_table import CONTROL_TABLE_PATH, ControlTable
 
     for name, table in MODELS.items():
         assert ControlTable.getModelName(table.model).removesuffix(".model") == name.lower().replace("-", "_")
@@ -70,6 +71,19 @@ def test_models_and_addresses_are_those_of_robotis(sdk: Any) -> None:
         for register, own in table.registers.items():
             assert (theirs[register].address, theirs[register].size) == own[:2], f"{name}: {register}"
         assert table.indirect == (theirs["Indirect Address 1"].address, theirs["Indirect Data 1"].address)
+        later = Path(CONTROL_TABLE_PATH) / f"{name.lower().replace('-', '_')}_fw52.model"
+        moved = table.of(52).indirect
+        assert moved
+        assert later.is_file() == (moved != table.indirect)
+        assert not later.is_file() or f"\n{moved[1]}\t1\tIndirect Data 1\n" in later.read_text(encoding="utf-8")
+
+
+def test_a_servo_whose_firmware_shows_its_values_elsewhere_is_read_there() -> None:
+    drive = DRIVE._replace(model="XL330-M288", joint="none")
+    for firmware, address in ((48, 224), (52, 208)):
+        loop = DriverLoop(drive, {6: firmware}).up()
+        assert {loop.node._own.table.packets.asked(data)[0] for _, _, data in loop.sent if data[0] == 0x8A} == {address}
+        assert abs(loop.run(5, Power.ON)[-1].motor - loop.node.bench.motor) < 0.01
 
 
 @pytest.mark.parametrize("packets", [DYNAMIXEL, FEETECH])
@@ -117,6 +131,15 @@ def test_a_servo_on_the_joint_that_does_more_than_measure_ends_the_run(drive: An
     loop.node._joint[register] = 1
     assert JOINT_SERVO in {reading.emergency for reading in loop.run(3, Power.ON)}
     assert "servo on the joint" in FAMILY.explain(JOINT_SERVO)
+
+
+@pytest.mark.parametrize("drive", [DRIVE, FEETECH_DRIVE])
+def test_a_servo_on_the_joint_that_is_silent_leaves_an_angle_that_ages(drive: Any) -> None:
+    loop = DriverLoop(drive).up()
+    loop.run(3, Power.ON)
+    loop.inject("joint_silence")
+    last = loop.run(9, Power.ON)[-1]
+    assert (last.joint_age > 5.0, last.motor_age < 2.0) == (True, True)
 
 
 def test_two_servos_of_one_number_are_refused() -> None:

@@ -14,7 +14,7 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable import settling as settling_module
 from bowden.identify.cable.family import Estimate
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.forecast import forecast
+from bowden.identify.cable.fitted import forecast
 from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.plays import PrandtlIshlinskii

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled
-from bowden.identify.cable.bouc_wen_search import cable_at
+from bowden.identify.cable.bouc_wen import cable_at
 from bowden.identify.cable.projection import reduced_problem
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.bouc_wen_sensitivity import (

@@ -6,15 +6,13 @@ from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled, kernel
 from bowden.core.units import RADIANS
-from bowden.identify.cable.bouc_wen import BoucWenCable, fit_terms
-from bowden.identify.cable.bouc_wen_search import bounds
+from bowden.identify.cable.bouc_wen import BoucWenCable, bounds, fit_terms
 from bowden.identify.cable.family import Estimate, Family, Line
 from bowden.identify.cable.generalised import GeneralisedPlay
-from bowden.identify.cable.loop import loop_of
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.plays import PlayOperator
 from bowden.identify.cable.turns import find_turns, motor_noise
-from bowden.identify.cable.uncertainty import all_shown, standard_errors
+from bowden.identify.cable.uncertainty import all_shown, loop_of, standard_errors
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.prandtl_ishlinskii import plays

@@ -22,7 +22,7 @@ from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live import control_block, ring
 from bowden.live.control_block import ControlBlock
-from bowden.live.loop import Loop, MotorParts
+from bowden.live.loop import Loop, LoopMotor
 from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
 from bowden.live.row import AT, columns, description
 from bowden.models.cable.sheath_path import constant_bend
@@ -135,7 +135,7 @@ class InjectedLoop:
         script: Any = Straight(inputs.references)
         emg: Any = self._emg
         words = ControlBlock(folder / "block")
-        self.loop = Loop((MotorParts(self, cycle, script, emg),), RingWriter(folder / "ring"), words, self, 0)
+        self.loop = Loop((LoopMotor(self, cycle, script, emg),), RingWriter(folder / "ring"), words, self, 0)
 
     # the clock
 

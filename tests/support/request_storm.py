@@ -14,7 +14,7 @@ from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live import control_block, ring, row, together
 from bowden.live.control_block import ControlBlock
-from bowden.live.loop import Loop, MotorParts
+from bowden.live.loop import Loop, LoopMotor
 from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
 from bowden.models.drive.thermal import cold
 from bowden.safety.limits import Limits
@@ -110,7 +110,7 @@ class Storm:
             cycle = Cycle(law, QUICK, Filters(), PERIOD / SECOND)
             cycle.begin(drive.read(0.0), cold(QUICK.thermal))
             script: Any = AtOnce()
-            parts.append(MotorParts(drive, cycle, script))
+            parts.append(LoopMotor(drive, cycle, script))
         self._take = words.take
         words.__dict__.update(_words=Interleaved(words._words, self._ask_some), take=self._kept)
         self.loop = Loop(parts, RingWriter(folder / "ring"), words, self, 0)

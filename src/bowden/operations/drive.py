@@ -125,6 +125,10 @@ def drive_probe(rig: GivenRig, *, motor: str | None = None, channel: str | None 
 
     Raises:
         DriveError: nobody answers.
+
+    Examples:
+        bowden drive probe rig.toml
+        bowden drive probe rig.toml --channel can1
     """
     from bowden.core.errors import DriveError
     from bowden.hardware.buses.link import Links
@@ -169,6 +173,10 @@ def drive_monitor(
     Raises:
         DriveError: an angle has not come.
         ParameterError: no end is given where one is needed.
+
+    Examples:
+        bowden drive monitor rig.toml
+        bowden drive monitor rig.toml --duration 10 --json
     """
     from bowden.core.errors import DriveError, ParameterError
     from bowden.live.drive_look import AGES
@@ -226,6 +234,10 @@ def drive_zero(
     Raises:
         DriveError: a bus or drive that cannot be used.
         ParameterError: angles that cannot be.
+
+    Examples:
+        bowden drive zero rig.toml
+        bowden drive zero rig.toml --joint-deg 90
     """
     from bowden.core.units import RADIANS
     from bowden.live.drive_look import require_zero, zero_keys
@@ -260,6 +272,10 @@ def drive_tare(rig: GivenRig, *, load: float = 0.0, motor: str | None = None, ch
     Raises:
         DriveError: a bus or drive that cannot be used.
         ParameterError: a load that cannot be, or a rig without a load cell.
+
+    Examples:
+        bowden drive tare rig.toml
+        bowden drive tare rig.toml --load 20
     """
     from bowden.live.drive_look import require_load_cell, tare
     from bowden.operations.support.given import check_number
@@ -352,27 +368,9 @@ def _readings(look: "DriveLook", identity: str) -> dict[str, Any]:
 
 
 GROUP = "Find drives on a bus, look at one, and set its zero; without power."
-
 OPERATIONS = (
-    Operation(
-        "drive probe",
-        drive_probe,
-        ("bowden drive probe rig.toml", "bowden drive probe rig.toml --channel can1"),
-        place=43,
-    ),
-    Operation(
-        "drive monitor",
-        drive_monitor,
-        ("bowden drive monitor rig.toml", "bowden drive monitor rig.toml --duration 10 --json"),
-        place=43,
-    ),
-    Operation(
-        "drive zero",
-        drive_zero,
-        ("bowden drive zero rig.toml", "bowden drive zero rig.toml --joint-deg 90"),
-        place=43,
-    ),
-    Operation(
-        "drive tare", drive_tare, ("bowden drive tare rig.toml", "bowden drive tare rig.toml --load 20"), place=43
-    ),
+    Operation("drive probe", drive_probe, 43),
+    Operation("drive monitor", drive_monitor, 43),
+    Operation("drive zero", drive_zero, 43),
+    Operation("drive tare", drive_tare, 43),
 )

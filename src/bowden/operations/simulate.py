@@ -153,6 +153,12 @@ def simulate(
     Raises:
         ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.
 
+    Examples:
+        bowden simulate rig.toml
+        bowden simulate rig.toml --law uncompensated --law observer --law adaptive
+        bowden simulate rig.toml --law my_law.py --duration 30 --csv
+        bowden simulate rig.toml --law adaptive --preset paper --force --json
+
     >>> from bowden import Rig, simulate
     >>> trace = simulate(Rig(duration=5.0), "uncompensated")
     >>> trace.metrics().peak_deg > 1.0
@@ -281,16 +287,4 @@ def _felt(rig: "Rig", trace: "Trace") -> FeltTorque | None:
     return FeltTorque(found.rms, found.peak, found.estimate)
 
 
-OPERATIONS = (
-    Operation(
-        "simulate",
-        simulate,
-        (
-            "bowden simulate rig.toml",
-            "bowden simulate rig.toml --law uncompensated --law observer --law adaptive",
-            "bowden simulate rig.toml --law my_law.py --duration 30 --csv",
-            "bowden simulate rig.toml --law adaptive --preset paper --force --json",
-        ),
-        place=30,
-    ),
-)
+OPERATIONS = (Operation("simulate", simulate, 30),)

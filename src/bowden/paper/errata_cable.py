@@ -13,7 +13,7 @@ from bowden.models.cable.sheath import width
 from bowden.models.drive.encoder import Encoder
 from bowden.paper.bench import observer
 from bowden.paper.calibration import bench_fit
-from bowden.paper.experiment import Finding, Runs
+from bowden.paper.experiment import Finding
 from bowden.paper.readings import self_fed
 from bowden.plants.presets import paper
 from bowden.plants.presets.bench import bench
@@ -22,7 +22,7 @@ from bowden.records.trace import Trace
 from bowden.sim.run import simulate
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """Points 5, 6 and 8 of docs/background/theory.md, on the cable with the printed parameters."""
     cable = BoucWen()
     top = float(saturation(cable))
@@ -66,8 +66,7 @@ def run(runs: Runs) -> Finding:
             (
                 figure,
                 "Joint over motor after a reversal with the printed parameters: the joint first moves the wrong way "
-                "(solid). "
-                "Dotted: the slope alone.",
+                "(solid). Dotted: the slope alone.",
             )
         ],
     )

@@ -3,11 +3,11 @@
 import numpy as np
 
 from bowden.drawing.style import COLOURS, legend, new_figure, thin
-from bowden.paper.experiment import Finding, Runs
+from bowden.paper.experiment import Finding
 from bowden.plants.presets import paper
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """sin(2π·f(t)) beside the chirp with the integrated phase."""
     chirp = paper.chirp()
     time = np.arange(0.0, chirp.duration, 1e-3)

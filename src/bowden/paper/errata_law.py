@@ -5,16 +5,16 @@ import numpy as np
 from bowden.control.laws.adaptive import PRINTED, ultimate_bounds
 from bowden.control.stability import adaptive_model, closed_loop_poles, servo_model
 from bowden.core.units import DEGREES
-from bowden.paper.bench import adaptive, run_bench, true_bound
+from bowden.paper.bench import adaptive, bench_run, run_bench, true_bound
 from bowden.paper.calibration import bench_fit, gains
-from bowden.paper.experiment import Finding, Runs
+from bowden.paper.experiment import Finding
 from bowden.paper.readings import BETA_ABSORBED, COMMAND_IN_EQ14
 from bowden.plants.bench import Bench
 from bowden.plants.presets.bench import bench
 from bowden.records.metrics import rmse
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """Points 4, 7, 9 and 11 of docs/background/theory.md."""
     plant = bench(bench_fit())
     chosen = adaptive().gains._asdict()
@@ -32,14 +32,16 @@ def run(runs: Runs) -> Finding:
             "erratum.gains.fastest_servo": fastest_servo(plant),
             "erratum.lyapunov": bounds["printed"].error * DEGREES,
             "erratum.lyapunov.default": bounds["default"].error * DEGREES,
-            "erratum.rmse": float(np.sqrt(np.sum((runs.adaptive.error * DEGREES) ** 2)) / len(runs.adaptive)),
+            "erratum.rmse": float(
+                np.sqrt(np.sum((bench_run("adaptive").error * DEGREES) ** 2)) / len(bench_run("adaptive"))
+            ),
         },
         details={
-            "ours": rmse(runs.adaptive.error) * DEGREES,
+            "ours": rmse(bench_run("adaptive").error) * DEGREES,
             "omega": plant.servo.natural_frequency,
             "criterion": PRINTED.error_gain / plant.cable.slope * plant.servo.natural_frequency**2 * plant.sample_time,
             "fastest_without_delay": fastest_servo(plant._replace(delay=0)),
-            "peak": float(np.max(np.abs(runs.adaptive.error))) * DEGREES,
+            "peak": float(np.max(np.abs(bench_run("adaptive").error))) * DEGREES,
         },
         text="The printed gains hold on the paper's own static plant, where law and plant are solved together, and "
         "diverge in a sampled loop round a servo as fast as ours. What servo, delay and filter the authors had is not "

@@ -1,14 +1,15 @@
 """Fig. 9: the bench without compensation."""
 
 from bowden.drawing.style import COLOURS
-from bowden.paper.experiment import Finding, Runs
+from bowden.paper.bench import bench_run
+from bowden.paper.experiment import Finding
 from bowden.paper.figures_of_merit import dead_zone_deg
 from bowden.paper.plots import time_and_loop
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """The motor follows the reference; the joint shows the cable's hysteresis."""
-    trace = runs.uncompensated
+    trace = bench_run("uncompensated")
     figures = trace.metrics()
     assert figures.rmse_deg is not None
     assert figures.hysteresis_width_deg is not None

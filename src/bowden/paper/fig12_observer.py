@@ -2,14 +2,15 @@
 
 from bowden.core.units import DEGREES
 from bowden.drawing.style import COLOURS
-from bowden.paper.experiment import Finding, Runs
+from bowden.paper.bench import bench_run
+from bowden.paper.experiment import Finding
 from bowden.paper.plots import time_and_loop
 from bowden.records.metrics import rmse
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """The observer, whose α̂h is fitted so that its RMSE is the published one."""
-    trace = runs.observer
+    trace = bench_run("observer")
     return Finding(
         title="Backlash observer, constant bend (Dinh 2017, Fig. 12)",
         values={"table1.observer.constant": rmse(trace.error) * DEGREES},

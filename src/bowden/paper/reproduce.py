@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from bowden.paper import (
     errata_cable,
@@ -20,8 +19,9 @@ from bowden.paper import (
     sensitivity,
     stability_map,
 )
-from bowden.paper.claims import Claim, ClaimResult, interval, is_remark, select
-from bowden.paper.experiment import Experiment, Finding, Runs
+from bowden.paper.bench import bench_run
+from bowden.paper.claims import Claim, JudgedClaim, interval, judge, select
+from bowden.paper.experiment import Experiment, Finding
 from bowden.records.trace import Trace
 
 EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
@@ -51,25 +51,12 @@ EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
 class Reproduction:
     """The judged claims, and what `bowden.paper.report` needs to show them."""
 
-    results: list[ClaimResult]
+    results: list[JudgedClaim]
     findings: list[Finding]
     earlier: dict[str, dict[str, float | None]]
     """What the two earlier calibrations predict, by claim; empty where only a part was asked for."""
     bench: dict[str, Trace]
     """The bench's runs at constant bend, by their laws; empty where only a part was asked for."""
-
-    def json(self) -> dict[str, Any]:
-        """Claims, remarks on the equations, and the earlier calibrations, as the command line prints them."""
-        claims, remarks = (
-            [result.json() for result in self.results if is_remark(result.claim) == remark] for remark in (False, True)
-        )
-        hidden = ("verdict", "published", "fitted", "interval")
-        remarks = [{key: value for key, value in one.items() if key not in hidden} for one in remarks]
-        calibrations = [
-            {"id": claim, **{name: found[claim] for name, found in self.earlier.items()}}
-            for claim in (sensitivity.ROWS if self.earlier else ())
-        ]
-        return {"claims": claims, "remarks": remarks, "calibrations": calibrations}
 
 
 def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] | None = None) -> Reproduction:
@@ -89,24 +76,24 @@ def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] |
         if any(claim.id.startswith(beginnings) for claim in wanted)
     }
     steps = len(needed) + (0 if only else 2)
-    runs, findings = Runs(), []
+    findings = []
     for done, (name, experiment) in enumerate(needed.items()):
         if progress is not None:
             progress(name, done / steps)
-        findings.append(experiment(runs))
+        findings.append(experiment())
     bench: dict[str, Trace] = {}
     earlier: dict[str, dict[str, float | None]] = {}
     if not only:
-        bench = {"uncompensated": runs.uncompensated, "observer": runs.observer, "adaptive": runs.adaptive}
+        bench = {law: bench_run(law) for law in ("uncompensated", "observer", "adaptive")}
         if progress is not None:
             progress("stability map", (steps - 2) / steps)
-        findings.append(stability_map.run(runs))
+        findings.append(stability_map.run())
         if progress is not None:
             progress("earlier calibrations", (steps - 1) / steps)
         earlier = sensitivity.earlier()
     if progress is not None:
         progress("done", 1.0)
-    return Reproduction([_judge(claim, findings) for claim in wanted], findings, earlier, bench)
+    return Reproduction([_judged(claim, findings) for claim in wanted], findings, earlier, bench)
 
 
 def claims_of(only: Sequence[str]) -> list[str]:
@@ -117,9 +104,11 @@ def claims_of(only: Sequence[str]) -> list[str]:
     return [claim for name in only for claim in shown.get(name, [name])]
 
 
-def _judge(claim: Claim, findings: list[Finding]) -> ClaimResult:
+def _judged(claim: Claim, findings: list[Finding]) -> JudgedClaim:
     for finding in findings:
         if claim.id in finding.values:
             over = finding.intervals.get(claim.id) or (None if claim.fitted else interval(claim.id))
-            return ClaimResult(claim, finding.values[claim.id], claim.why.format(**finding.details), over)
+            computed, why = finding.values[claim.id], claim.why.format(**finding.details)
+            said = (claim.id, claim.source, claim.quantity, claim.published, computed, over, claim.unit)
+            return JudgedClaim(*said, judge(claim, computed, over), claim.fitted, why)
     raise LookupError(f"no experiment computes {claim.id}")

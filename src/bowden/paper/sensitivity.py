@@ -62,6 +62,5 @@ def table(found: dict[str, dict[str, float | None]], main: dict[str, tuple[float
             for claim, what in ROWS.items()
         ],
         "First: a drive that never saturates, a = 35 mm. Second: also an observer that knows its cable exactly "
-        "(period of "
-        "3.9 s), and an integral in the suit’s drive. All meet the fitted rows.",
+        "(period of 3.9 s), and an integral in the suit’s drive. All meet the fitted rows.",
     )

@@ -7,12 +7,12 @@ from bowden.control.stability import adaptive_model, closed_loop_poles, servo_mo
 from bowden.drawing.style import COLOURS, new_figure
 from bowden.paper.calibration import bench_fit
 from bowden.paper.calibration import gains as chosen_gains
-from bowden.paper.experiment import Finding, Runs
+from bowden.paper.experiment import Finding
 from bowden.paper.gain_choice import corners, worst_margins
 from bowden.plants.presets.bench import bench
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """Largest closed-loop pole over (λ, κ), worst of β̂ from 0 to 1.1/αφ and of the slope within ± 10 %."""
     plant = bench(bench_fit())
     lambdas, kappas = np.geomspace(0.005, 4.0, 61), np.geomspace(1.0, 400.0, 53)

@@ -243,7 +243,7 @@ class Driver(ABC):
 
     def _read_joint(self, encoder: JointEncoder, identifier: int, data: bytes, now: float) -> None:
         """A frame that is not the drive's."""
-        angle = encoder.read(identifier, data, now)
+        angle = encoder.take(identifier, data, now)
         if angle is not None:
             self._readings.turned(angle)
         elif encoder.foreign(identifier & ~REMOTE):

@@ -54,7 +54,7 @@ class ServoDialogue:
     """
 
     def __init__(self, port: BusPort, drive: Any, number: int) -> None:
-        self._drive, self.number, self._table = drive, number, drive.table
+        self._drive, self.number, self.table = drive, number, drive.table
         self.bus = Conversation(port, number, lambda identifier, data: is_foreign(number, identifier, data))
         self.name = f"servo {number}"
         self.bus.name = self.name
@@ -103,7 +103,7 @@ class ServoDialogue:
         if not answers:
             raise DriveError(
                 f"nobody answers as {self.name} at {self._drive.bitrate} bit/s",
-                expected=f"a servo that speaks {self._table.packets.name}",
+                expected=f"a servo that speaks {self.table.packets.name}",
                 do="switch its supply on; check its cable, its ID and its baud rate with its maker's tool, and node_id "
                 "and bitrate in [drive]",
             )
@@ -115,8 +115,8 @@ class ServoDialogue:
         Raises:
             DriveError: no answer.
         """
-        register = self._table.registers[name]
-        said = self._ask(self._table.packets.read(register.address, register.size), register.size)
+        register = self.table.registers[name]
+        said = self._ask(self.table.packets.read(register.address, register.size), register.size)
         if said is None:
             raise DriveError(
                 f"{self.name} does not tell its {name} ({register.address})",
@@ -131,8 +131,8 @@ class ServoDialogue:
         Raises:
             DriveError: it has another value afterwards.
         """
-        register = self._table.registers[name]
-        head = self._table.packets.sync_write(register.address, register.size)  # to which nobody answers
+        register = self.table.registers[name]
+        head = self.table.packets.sync_write(register.address, register.size)  # to which nobody answers
         self.bus.port.send_now(ALL, head + bytes((self.number,)) + register.encode(value))
         found = self.get(name)
         if found != value:
@@ -144,10 +144,10 @@ class ServoDialogue:
 
     def sample(self, fast: bool) -> ServoSample | None:
         """What it says in a cycle; None where it does not answer such a question."""
-        address, length, _ = self._table.block()
-        head = self._table.packets.sync_read(address, length, fast=fast)
+        address, length, _ = self.table.block()
+        head = self.table.packets.sync_read(address, length, fast=fast)
         said = self._ask(head + bytes((self.number,)), length, ALL)
-        return None if said is None else BlockReader(self._table).sample(said)
+        return None if said is None else BlockReader(self.table).sample(said)
 
     def prepare(self) -> ServoSample:
         """Let it show in one piece what a cycle reads, and read that.
@@ -155,7 +155,7 @@ class ServoDialogue:
         Raises:
             DriveError: it is another model than the rig says, has torque, or does not answer.
         """
-        table, drive = self._table, self._drive
+        table, drive = self.table, self._drive
         model = self.find()
         if model != table.model:
             raise DriveError(
@@ -163,7 +163,7 @@ class ServoDialogue:
                 expected=f"{table.model}, {'a' if drive.family == 'dynamixel' else 'an'} {drive.model}",
                 do="correct drive.model, or node_id: another model has other counts, currents and addresses",
             )
-        check_settings(self.name, self.get, drive.setup.supported)
+        table = self.table = table.of(self.get("Firmware Version"))
         if self.get("Torque Enable"):
             do = "end the program that holds it, or switch its supply off and on"
             raise refuse_torque(self.name, "torque: Torque Enable is 1", do)
@@ -201,6 +201,7 @@ class ServoDrive(Driver):
 
     def _prepare(self) -> None:
         drive, table = self._drive, self._drive.table
+        self._table = table  # of the servos' firmware, once it is known
         self._reader, self._packets = BlockReader(table), table.packets
         self.turn, self.most_counts = float(table.turn), float(table.furthest)
         self._goal, torque = table.registers["Goal Position"], table.registers["Torque Enable"]
@@ -228,11 +229,10 @@ class ServoDrive(Driver):
         ):  # a watchdog that ran out locks what is set
             servo.set(name, value)
         firmware = servo.get("Firmware Version")
+        self._table, servos = servo.table, [servo]
         if drive.joint == "servo":
-            self._joint_zero = self._find_joint(port)
-        self._fast = self._packets.fast and all(
-            ServoDialogue(port, drive, number).sample(fast=True) is not None for number in self._numbers
-        )
+            servos.append(self._find_joint(port))
+        self._fast = self._packets.fast and all(one.sample(fast=True) is not None for one in servos)
         last = servo.sample(fast=False) or first
         if abs(last.position - first.position) > STILL * table.turn / 4096:
             raise DriveError(
@@ -251,13 +251,20 @@ class ServoDrive(Driver):
         state = DriveState.FAULT if error else DriveState.SWITCH_ON_DISABLED
         return Found(who, scale, None, limits, state, error, "")
 
-    def _find_joint(self, port: BusPort) -> float:
-        """The servo on the joint: its counts at home."""
+    def _find_joint(self, port: BusPort) -> ServoDialogue:
+        """The servo on the joint, whose counts at home are kept."""
         drive = self._drive
         on_joint = ServoDialogue(port, drive, drive.joint_node_id)
         position = on_joint.prepare().position
         check_settings(on_joint.name, on_joint.get, drive.setup.joint)
-        return float(position) if drive.home == "here" else 0.0
+        if on_joint.table != self._table:
+            raise DriveError(
+                f"{on_joint.name} and servo {drive.node_id} have firmware with different addresses",
+                expected="one question that both understand",
+                do="load the later firmware into both with their maker's tool",
+            )
+        self._joint_zero = float(position) if drive.home == "here" else 0.0
+        return on_joint
 
     def _check_limits(self, servo: ServoDialogue, scale: Scale | SuitScale, limits: MotorLimits) -> None:
         """That the servo counts as far, that it finds its turn again after power-off, and that it gives the current."""
@@ -379,7 +386,7 @@ class ServoDrive(Driver):
             self._port.gather(ALL, writes, (self._question(), bytes(self._numbers)))
 
     def _question(self) -> bytes:
-        address, length, _ = self._drive.table.block()
+        address, length, _ = self._table.block()
         return self._packets.sync_read(address, length, fast=self._fast)
 
     def _tell_off(self, number: int) -> None:

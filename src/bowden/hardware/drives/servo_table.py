@@ -105,11 +105,19 @@ class ServoTable(NamedTuple):
     """Of a count of its watchdog; infinite of one without [s]."""
     multi_turn: bool = True
     """Whether it goes beyond a turn."""
+    moved: tuple[int, int] | None = None
+    """Firmware from which on `indirect` is shown elsewhere, and where; None of a servo of which it never is."""
 
     @property
     def packets(self) -> Packets:
         """Of its protocol."""
         return PROTOCOLS[self.protocol]
+
+    def of(self, firmware: int) -> "ServoTable":
+        """As a servo of that firmware has it."""
+        if self.indirect is None or self.moved is None or firmware < self.moved[0]:
+            return self
+        return self._replace(indirect=(self.indirect[0], self.moved[1]))
 
     def parts(self) -> list[ServoRegister | None]:
         """The registers of a `ServoSample`; None of what it has not."""
@@ -149,8 +157,6 @@ class ServoSetup(NamedTuple):
     """What one has in its registers that is set as the rig says; for its twin."""
     names: Mapping[int, str]
     """Number of a model → its name, of all that there are."""
-    supported: tuple[Setting, ...] = ()
-    """What each must be, before anything is asked of it in one piece."""
     watch: int = 0
     """Of its watchdog; 0 of one without."""
 

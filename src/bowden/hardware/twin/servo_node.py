@@ -73,9 +73,10 @@ class ServoMemory:
 
     def read(self, address: int, length: int) -> bytes:
         """What stands there; where indirect addresses say so, what stands elsewhere."""
-        if self.table.indirect is None or address != self.table.indirect[1]:
+        indirect = self.table.of(self["Firmware Version"]).indirect
+        if indirect is None or address != indirect[1]:
             return bytes(self.bytes[address : address + length])
-        first = self.table.indirect[0]
+        first = indirect[0]
         places = (int.from_bytes(self.bytes[first + 2 * i : first + 2 * i + 2], "little") for i in range(length))
         return bytes(self.bytes[place % SIZE] for place in places)
 
@@ -133,7 +134,8 @@ class ServoNode(TwinNode):
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """See `TwinNode.receive`."""
-        there = [one for one in (self._own, self._joint) if one is not None]
+        joint = None if self.faults.active("joint_silence", now) else self._joint
+        there = [one for one in (self._own, joint) if one is not None]
         heard = [one for one in there if identifier in (one.number, ALL)]
         if not heard or not data or data[0] == STATUS or self._is_destroyed(now) or not self._is_receiving(now):
             return

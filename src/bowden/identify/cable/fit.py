@@ -22,8 +22,7 @@ from bowden.core.units import DEGREES
 from bowden.drawing import shown
 from bowden.identify.cable import drawing
 from bowden.identify.cable.cycles import Cycles
-from bowden.identify.cable.fitted import FittedLog, ModelFit, Recalibration
-from bowden.identify.cable.forecast import Forecast, forecast
+from bowden.identify.cable.fitted import FittedLog, Forecast, ModelFit, Recalibration, forecast
 from bowden.identify.cable.hysteresis_loop import HysteresisLoop, loop_lines
 from bowden.identify.log.read import Log
 from bowden.plants.cable_parameters import check_parameters, meaning, parameter_lines, shown_value

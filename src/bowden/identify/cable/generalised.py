@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
-from bowden.identify.cable.projection import inverse_of, products, solve_linear
+from bowden.identify.cable.projection import inverse_of, products, solve_linear, weights_of_one_sign, without
 from bowden.identify.cable.validation import folds
 from bowden.models.cable.generalised_play import (
     Branches,
@@ -40,8 +40,7 @@ from bowden.models.cable.generalised_play import (
     slots_of,
     with_curve,
 )
-from bowden.models.cable.prandtl_ishlinskii import plays
-from bowden.plants.predicted import branches_of
+from bowden.plants.predicted import branches_of, slots_along
 
 _NODES = 40
 """Of each of the two curves; a cable's loop has bends of some 4 % of its stroke, which these draw to a tenth."""
@@ -145,28 +144,17 @@ class GeneralisedPlay:
 
 def bent_stack(path: Path, lags: Array) -> BentStack:
     """The plays of a stack round a bent line that fit best, the motor having come from one of the `lags` [rad]."""
-    from scipy.optimize import nnls  # half a second, which a simulation need not wait for
-
     low, high = _range(path)
     u = np.clip((2.0 * path.motor - low - high) / (high - low), -1.0, 1.0)
     bent = np.delete(np.polynomial.chebyshev.chebvander(u, _DEGREE), 1, axis=1)
     widths = path.span * np.geomspace(_FINEST, _WIDEST[path.strokes > 3], _WIDTHS)
     best: tuple[float, float, Array] | None = None
-    free = bent.shape[1]
     for lag in lags:
-        slots = plays(np.concatenate([[path.motor[0] + lag], path.motor]), widths)[1:]
+        slots = slots_along(path.motor, widths, lag)
         sums = products(np.column_stack([bent, path.motor, slots, path.joint]), path.weight)
-        inverse = np.linalg.pinv(sums[:free, :free], rcond=1e-12, hermitian=True)
-        rest = sums[free:, free:] - sums[free:, :free] @ inverse @ sums[:free, free:]
-        gram, moments = rest[:-1, :-1], rest[:-1, -1]
-        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        values, vectors = np.linalg.eigh(gram / np.outer(size, size))
-        root = np.sqrt(np.maximum(values, 1e-10 * values[-1]))
-        sign = 1.0 if sums[free, -1] * path.weight.sum() >= sums[0, free] * sums[0, -1] else -1.0
-        weights = nnls(root[:, None] * vectors.T, sign * (vectors.T @ (moments / size)) / root)[0] / size
-        cost = float(rest[-1, -1] - 2.0 * sign * weights @ moments + weights @ gram @ weights)
+        weights, cost = weights_of_one_sign(without(sums, bent.shape[1]), path.direction)
         if best is None or cost < best[0]:
-            best = cost, float(lag), sign * weights
+            best = cost, float(lag), weights
     assert best is not None
     left, lag, weights = best
     slope = float(weights.sum())

@@ -33,10 +33,10 @@ from bowden.identify.cable.cycles import ENOUGH
 from bowden.identify.cable.family import Progress
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import FittedLog, ModelFit, described
-from bowden.identify.cable.loop import loop_of
 from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.projection import inverse_of, nonnegative, products
+from bowden.identify.cable.projection import products, weights_of_one_sign, without
 from bowden.identify.cable.turns import find_turns
+from bowden.identify.cable.uncertainty import loop_of
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import Scheduled
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -302,8 +302,8 @@ def _shares(moved: Sequence[_Moved], frame: _Frame) -> Array:
     for one in moved:
         lags, own = -np.sign(one.slope) * one.lag, one.static.shape[1]
         sums = products(np.column_stack([one.static, lags, one.path.joint]), one.weight)
-        whole += sums[own:, own:] - sums[own:, :own] @ inverse_of(sums[:own, :own]) @ sums[:own, own:]
-    found = nonnegative(whole[:-1, :-1], whole[:-1, -1])
+        whole += without(sums, own)
+    found, _ = weights_of_one_sign(whole, 1.0)
     if not found.any():  # a cable without a loop: any memory will do, and g says that there is none
         found[0] = 1.0
     return np.asarray(found / (found @ frame.half_widths))

@@ -16,7 +16,7 @@ import numpy as np
 from bowden.core.kernel import compiled, kernel
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
-from bowden.identify.cable.projection import minimise, nonnegative, products, solve_linear
+from bowden.identify.cable.projection import minimise, products, solve_linear, weights_of_one_sign, without
 from bowden.models.cable.backlash import push
 from bowden.plants.predicted import slots_along
 
@@ -121,14 +121,10 @@ class PrandtlIshlinskii:
 
     def _solve(self, path: Path, widths: Array, lag: float) -> Estimate:
         slots = slots_along(path.motor, widths, lag)
-        basis = np.column_stack([path.motor, slots])
-        share = path.weight / path.weight.sum()
-        centred = basis - share @ basis
-        joint = path.joint - share @ path.joint
-        sums = products(np.column_stack([centred, joint]), path.weight)
-        gram, moments = sums[:-1, :-1], sums[:-1, -1]
-        weights = nonnegative(gram, np.copysign(1.0, moments[0]) * moments) * np.sqrt(np.diag(gram))
-        active = np.flatnonzero(weights[1:] > 1e-6 * weights.max())
+        columns = [np.ones_like(path.motor), path.motor, slots, path.joint]
+        sums = without(products(np.column_stack(columns), path.weight), 1)
+        moved = np.abs(weights_of_one_sign(sums, path.direction)[0]) * np.sqrt(np.diag(sums)[:-1])
+        active = np.flatnonzero(moved[1:] > 1e-6 * moved.max())
         kept = np.column_stack([path.motor, slots[:, active], np.ones_like(path.motor)])
         linear, _ = solve_linear(kept, path.joint, path.weight)
         parameters, slopes = {"slope": float(linear[0])}, {"slope": path.motor}

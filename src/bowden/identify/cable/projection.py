@@ -55,16 +55,29 @@ def inverse_of(gram: Array) -> Array:
     return np.asarray(half @ half.T)
 
 
-def nonnegative(gram: Array, moments: Array) -> Array:
-    """c ≥ 0 (p,) that solves weighted least squares of ΦᵀWΦ (p, p) and ΦᵀW·joint (p,).
+def without(sums: Array, free: int) -> Array:
+    """`products` (p, p) of what is left of the later columns once the first `free` ones are fitted to each."""
+    inverse = np.linalg.pinv(sums[:free, :free], rcond=1e-12, hermitian=True)
+    return np.asarray(sums[free:, free:] - sums[free:, :free] @ inverse @ sums[:free, free:])
+
+
+def weights_of_one_sign(sums: Array, sign: float) -> tuple[Array, float]:
+    """Coefficients (p,), none against `sign`, of weighted least squares, and the sum of squares that they leave.
+
+    Args:
+        sums: `products` of the p columns and, as the last one, of the joint.
+        sign: 1 or −1.
 
     Source: Lawson and Hanson, *Solving Least Squares Problems*, 1974.
     """
     from scipy.optimize import nnls  # half a second, which a simulation need not wait for
 
+    gram, moments = sums[:-1, :-1], sums[:-1, -1]
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))  # a column that never moves has none
-    lower = np.linalg.cholesky(gram / np.outer(size, size) + 1e-11 * np.eye(len(size)))
-    return np.asarray(nnls(lower.T, np.linalg.solve(lower, moments / size))[0] / size)
+    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
+    root = np.sqrt(np.maximum(values, 1e-10 * values[-1]))
+    weights = sign * nnls(root[:, None] * vectors.T, sign * (vectors.T @ (moments / size)) / root)[0] / size
+    return weights, float(sums[-1, -1] - 2.0 * weights @ moments + weights @ gram @ weights)
 
 
 def solve_linear(basis: Array, joint: Array, weight: Array) -> tuple[Array, Array]:

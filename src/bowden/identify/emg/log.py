@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.identify.cable.checks import check_finite
-from bowden.identify.log.clock import even_clock
+from bowden.identify.log.clock import check_finite, even_clock
 from bowden.identify.log.columns import FACTORS, TIMES, split_name
 from bowden.records.table import Table, read_table
 from bowden.sensing.onset_settings import LARGEST, QUICKEST, SAFE, SLOWEST

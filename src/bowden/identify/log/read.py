@@ -14,7 +14,6 @@ from bowden.core.arguments import format_value, path_of
 from bowden.core.errors import LogError, ParameterError, counted
 from bowden.core.guesses import answering
 from bowden.core.units import DEGREES
-from bowden.identify.cable import checks
 from bowden.identify.cable.turns import least_swing, resolution, reversals
 from bowden.identify.log.angles import (
     SIDES,
@@ -23,12 +22,24 @@ from bowden.identify.log.angles import (
     angle_units,
     angles_of,
     check_plausible,
+    check_same_unit,
     geared,
+    look_swapped,
+    stopped_at,
     unit_doubts,
     unwrapped,
     without_outliers,
 )
-from bowden.identify.log.clock import even_clock, held_rows, in_seconds, odd_time, rises_evenly
+from bowden.identify.log.clock import (
+    FEWEST_SAMPLES,
+    check_finite,
+    check_length,
+    even_clock,
+    held_rows,
+    in_seconds,
+    odd_time,
+    rises_evenly,
+)
 from bowden.identify.log.columns import CABLE, FACTORS, TIMES, LogColumn, find_columns, sides_in, split_name
 from bowden.identify.log.quaternions import with_angles
 from bowden.plants.counting import NOT_SAID, Covered, Encoders
@@ -350,7 +361,7 @@ def with_both(raw: RawLog, rate: float | None) -> tuple[RawLog, list[str]]:
     few = min(sides, key=lambda side: counts[side])
     first = int(both.argmax()) if both.any() else 0
     said = ""
-    if len(time) and both.sum() < _APART * counts[few] and counts[few] >= checks.FEWEST_SAMPLES:
+    if len(time) and both.sum() < _APART * counts[few] and counts[few] >= FEWEST_SAMPLES:
         rows = np.flatnonzero(known[few] & timed)
         values = {"time": time[rows], few: raw.values[few][rows]}
         for side in set(sides) - {few}:
@@ -409,21 +420,21 @@ def prepare(
     Raises:
         LogError: too short, not finite, not moving, angles that no cable has, or no clock.
     """
-    checks.check_length(len(time), name)
+    check_length(len(time), name)
     for what, values in (("time", time), *((one.name, one.values) for one in angles.values())):
-        checks.check_finite(what, values, place)
+        check_finite(what, values, place)
     (motor, notes), (joint, more) = (unwrapped(angles[side]) for side in SIDES)
     check_plausible(motor, joint, place)
     (motor, filled), (joint, further) = (without_outliers(one, time, place) for one in (motor, joint))
     notes, more = notes + filled, more + further
     if not apart:
-        checks.check_same_unit(motor.radians, joint.radians, name)
+        check_same_unit(motor.radians, joint.radians, name)
     more += geared(motor, joint)
     even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place, cut=True)
     if not time_unit_known:
         even, guessed = in_seconds(even, motor_at, joint_at)
         doubts = (*doubts, *guessed)
-    checks.check_length(len(even), name)
+    check_length(len(even), name)
     counts = (resolution(motor.radians), resolution(joint.radians)) if clock else None
     even, motor_at, joint_at, repeats, seldom = at_new_readings(even, motor_at, joint_at)
     found = "the joint turns round before the motor does: motor and joint look swapped; exchange their columns"
@@ -433,9 +444,9 @@ def prepare(
         *unit_doubts(motor, joint, apart=apart),
         *odd_time(even, motor_at, joint_at),
         *seldom,
-        *([swapped] if checks.look_swapped(motor_at, joint_at, turns) else []),
+        *([swapped] if look_swapped(motor_at, joint_at, turns) else []),
     )
-    if (stop := checks.stopped_at(motor_at, joint_at, turns)) is not None:
+    if (stop := stopped_at(motor_at, joint_at, turns)) is not None:
         at, on = (one * DEGREES for one in stop)
         why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
         doubts = (*doubts, Trust("with care", (why,)))
@@ -460,7 +471,7 @@ def at_new_readings(time: Array, motor: Array, joint: Array) -> tuple[Array, Arr
         return time, motor, joint, [], []
     said = f"the {name} repeats {rows} rows: {1.0 / (rows * (time[1] - time[0])):.4g} Hz"
     strokes = len(reversals(motor, least_swing(motor))) + 1
-    if first is None or len(time) // rows < max(checks.FEWEST_SAMPLES, _OF_A_STROKE * strokes):
+    if first is None or len(time) // rows < max(FEWEST_SAMPLES, _OF_A_STROKE * strokes):
         why = f"{said}, which makes the loop look wider: record a row when a new reading comes"
         return time, motor, joint, [], [Trust("with care", (why,))]
     time, motor, joint = (one[first::rows] for one in (time, motor, joint))
