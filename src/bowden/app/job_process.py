@@ -8,8 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from bowden.app import guided_work
-from bowden.console import works
+from bowden.app import works
 from bowden.core.caller import on_a_page, speaking
 from bowden.core.errors import BowdenError
 
@@ -146,9 +145,9 @@ WORKS: dict[str, Callable[..., Any]] = {
     "page": page,
     "export": export,
     "curves": works.curves,
-    "identify": guided_work.identified,
-    "identify-servo": guided_work.identified_servo,
-    "tune": guided_work.tuned_rig,
+    "identify": works.identified,
+    "identify-servo": works.identified_servo,
+    "tune": works.tuned_rig,
 }
 """Name → the work."""
 
