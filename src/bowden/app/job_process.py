@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from bowden.app import works
+from bowden.console.access import parts_of
 from bowden.core.caller import on_a_page, speaking
 from bowden.core.errors import BowdenError
 
@@ -35,7 +36,7 @@ def main() -> int:
         with speaking(on_a_page):
             say("done", WORKS[work](lambda what, share: say("progress", [what, share]), **given))
     except BowdenError as error:
-        say("error", {"what": error.what, "expected": error.expected, "do": error.do})
+        say("error", parts_of(error))
     except Exception as error:  # the page says so; the terminal of the console shows the rest
         say(
             "error",
