@@ -29,8 +29,6 @@ from bowden.hardware.drives.scale import LimitedRange, bounded_torque, counts_at
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
-MOST_UNANSWERED = 16
-"""Commands that are waited for at most; what is older than these is lost."""
 LISTENING = 1.0
 """So long the bus is listened to before anything is said on it: another master gives its commands in it [s]."""
 TRIAL = 8
@@ -162,7 +160,7 @@ class AkDrive(Driver):
 
     def _begin(self, found: Found | None) -> None:
         self._entered = False
-        self._unanswered = self._until_off = self._trial = 0
+        self._until_off = self._trial = 0
         self._position = math.nan  # of the drive, over the ends of its range
         self._speed = self._torque = self._expected = 0.0
         self._stuck = math.nan, math.nan  # the reported torque, and what was expected when it was reported first
@@ -187,9 +185,8 @@ class AkDrive(Driver):
     def _take_reply(self, reply: frames.AkReply, now: float) -> None:
         """A reply of the drive."""
         drive, readings = self._drive, self._readings
-        if self._unanswered == 0 and not self._v3:
-            readings.foreign += 1.0  # it answers somebody else
-        self._unanswered = 1 if self._v3 else max(0, self._unanswered - 1)
+        if not self._v3:
+            self._answered()
         self._until_off = max(0, self._until_off - 1)
         readings.replied_at = now
         if self._lost:
@@ -271,7 +268,7 @@ class AkDrive(Driver):
         """
         if self._entered:
             self._order(frames.pack_command(_LIMP, self._model))
-            self._until_off = self._unanswered + 1
+            self._until_off = 2 if self._v3 else self._unanswered + 1
         self._entered, self._expected = False, 0.0
         self._order(frames.EXIT)
 
@@ -297,7 +294,8 @@ class AkDrive(Driver):
             if data == frames.ENTER:
                 return
             data = frames.pack_command(_LIMP, self._model)
-        self._unanswered = 1 if self._v3 else min(MOST_UNANSWERED, self._unanswered + 1)
+        if not self._v3:
+            self._ordered()
         self._send(self._command_id, data)
 
 

@@ -38,8 +38,6 @@ LISTENING = 0.3
 """So long the line is listened to before anything is said on it [s]."""
 STILL = 8
 """Counts within which a motor stands still between two readings, of 4096 a turn."""
-MOST_UNANSWERED = 16
-"""Questions that are waited for at most; what is older than these is lost."""
 BETWEEN, PING_BITS = 4e-3, 240
 """For an answer of one who may be there, when all are looked for [s], and the bits of a question and its answer."""
 
@@ -295,7 +293,7 @@ class ServoDrive(Driver):
         return float(self._drive.table.current_step)
 
     def _begin(self, found: Found | None) -> None:
-        self._unanswered = self._primed = 0
+        self._primed = 0
         self._torque, self._position = False, 0
 
     def _take(self, identifier: int, data: bytes, now: float) -> bool:
@@ -313,9 +311,7 @@ class ServoDrive(Driver):
 
     def _take_motor(self, sample: ServoSample, now: float) -> None:
         drive, readings, found = self._drive, self._readings, self._found
-        if self._unanswered == 0:
-            readings.foreign += 1.0  # it answers somebody else
-        self._unanswered = max(0, self._unanswered - 1)
+        self._answered()
         readings.replied_at = now
         self._torque, self._position = bool(sample.torque), sample.position
         if self._lost or found is None:
@@ -381,7 +377,7 @@ class ServoDrive(Driver):
 
     def _gather(self, *writes: tuple[bytes, bytes]) -> None:
         """What this driver writes in this cycle, and whom it asks."""
-        self._unanswered = min(MOST_UNANSWERED, self._unanswered + 1)
+        self._ordered()
         if self._port is not None:
             self._port.gather(ALL, writes, (self._question(), bytes(self._numbers)))
 
