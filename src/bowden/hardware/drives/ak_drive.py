@@ -65,7 +65,7 @@ class AkDrive(Driver):
 
     def _find(self, port: BusPort) -> Found:
         drive = self._drive
-        bus = Conversation(port, drive.node_id, self._is_others)
+        bus = Conversation(port, drive.node_id, self._is_others, drive.answer_timeout)
         bus.listen(LISTENING)
         first = self._replied(bus)
         if abs(first.torque) > STRAIN * self._model.torque:
@@ -107,7 +107,7 @@ class AkDrive(Driver):
         drive = self._drive
         order = self._command_id, frames.pack_command(_LIMP, self._model) if self._v3 else frames.EXIT
         for _ in range(2):
-            data = bus.ask(order, drive.answer_timeout, data_of(self._reply_id), 1)
+            data = bus.ask(order, data_of(self._reply_id), 1)
             if data is None:
                 continue
             reply = frames.unpack_reply(data, *self._told_by)
