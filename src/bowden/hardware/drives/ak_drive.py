@@ -22,10 +22,10 @@ from bowden.hardware.drives import ak_frames as frames
 from bowden.hardware.drives.checklist import Conversation, Found, data_of, joined, refuse_torque
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.families import ak_mit
-from bowden.hardware.drives.families.ak_mit import UPLOAD, AkParameters, command_id, model_of, motor_scale, reply_id
+from bowden.hardware.drives.families.ak_mit import UPLOAD, AkParameters, command_id, model_of, reply_id
 from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import LimitedRange, bounded_torque, counts_at_home, motor_limits
+from bowden.hardware.drives.scale import LimitedRange, bounded_torque, found_scale, motor_limits, motor_scale
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -81,8 +81,7 @@ class AkDrive(Driver):
                 do="bring the motor near its zero by hand; check drive.model and the drive's encoder",
             )
         last = replies[-1]
-        home = counts_at_home(drive, last.position, self.turn, motor_scale(drive))
-        scale = self._scale = motor_scale(drive, home)
+        scale = self._scale = found_scale(drive, last.position, self.turn)
         try:
             ak_mit.check_range(drive, scale, "as it counts them now")
         except ParameterError as error:

@@ -22,10 +22,10 @@ from bowden.hardware.drives.checklist import DriveLimit, Found, joined, refuse_t
 from bowden.hardware.drives.cia402 import CYCLIC_SYNCHRONOUS_POSITION, WITH_TORQUE, Controlword, controlword, decode
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, SAFE_TORQUE_OFF, emergency_text
-from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, load_of, motor_scale
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, load_of
 from bowden.hardware.drives.findings import UNWATCHED, WATCH_EVERY
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import Scale, SuitScale, bounded_torque, motor_limits
+from bowden.hardware.drives.scale import Scale, SuitScale, bounded_torque, motor_limits, motor_scale
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.rig.families import FoundDevice
 

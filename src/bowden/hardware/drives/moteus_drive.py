@@ -23,11 +23,11 @@ from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.checklist import LISTENING, Conversation, DriveLimit, Found, Setting
 from bowden.hardware.drives.cia402 import WITH_TORQUE
 from bowden.hardware.drives.driver import SETTLED, Driver
-from bowden.hardware.drives.families.moteus import MoteusParameters, command_of, joint_scale, motor_scale
+from bowden.hardware.drives.families.moteus import MoteusParameters, command_of, joint_scale
 from bowden.hardware.drives.findings import LEFT, UNWATCHED
 from bowden.hardware.drives.moteus_frames import MOST_TURNS, TIMED_OUT, BoardMode, NumberKind, Register, fault_text
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import LimitedRange, Scale, SuitScale, motor_limits
+from bowden.hardware.drives.scale import LimitedRange, Scale, SuitScale, found_scale, motor_limits
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -412,7 +412,7 @@ class MoteusDrive(Driver):
         checklist.check_settings(board.name, board.configured, _settings(drive))
         turns, joint_turns = _check_encoders(board, drive, seen)
         here = drive.home == "here"
-        motor = motor_scale(drive, turns if here else 0.0)
+        motor = found_scale(drive, turns, self.turn)
         joint = joint_scale(drive, joint_turns if here else 0.0)
         limits = motor_limits(drive, motor)
         limits = limits._replace(low=max(-MOST_TURNS, limits.low), high=min(MOST_TURNS, limits.high))

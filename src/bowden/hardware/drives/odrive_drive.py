@@ -28,12 +28,12 @@ from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.checklist import LISTENING, Conversation, DriveLimit, Found, Said, Setting
 from bowden.hardware.drives.driver import Driver
-from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale, scales_of, target_of
+from bowden.hardware.drives.families.odrive import OdriveParameters, scales_of, target_of
 from bowden.hardware.drives.findings import LEFT, UNWATCHED, WATCH_EVERY
 from bowden.hardware.drives.odrive_endpoints import ENABLED, TIMEOUT, Endpoints, endpoints_of
 from bowden.hardware.drives.odrive_frames import WATCHDOG, AxisState, Beat, Cmd, errors_text, identifier_of, unpack
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import MotorLimits, counts_at_home, motor_limits
+from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, found_scale, motor_limits
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -252,8 +252,8 @@ def _check_encoder(board: OdriveDialogue) -> None:
         )
 
 
-def _turns_at_home(board: OdriveDialogue, drive: OdriveParameters) -> float:
-    """What the board's position is at home [turns]."""
+def _motor_scale(board: OdriveDialogue, drive: OdriveParameters) -> Scale | SuitScale:
+    """Of the motor as it is found, which must stand still."""
     first, _ = board.told(Cmd.GET_ENCODER_ESTIMATES)
     last, _ = board.told(Cmd.GET_ENCODER_ESTIMATES)
     if not (math.isfinite(first) and abs(last - first) <= STILL):
@@ -262,7 +262,7 @@ def _turns_at_home(board: OdriveDialogue, drive: OdriveParameters) -> float:
             expected="a motor that stands still, and whose encoder is calibrated",
             do="hold it, and calibrate it with odrivetool",
         )
-    return counts_at_home(drive, last, 1.0, motor_scale(drive))
+    return found_scale(drive, last, 1.0)
 
 
 def _check_range(board: OdriveDialogue, limits: MotorLimits) -> None:
@@ -407,7 +407,7 @@ class OdriveDrive(Driver):
         voltage, _ = board.told(Cmd.GET_BUS_VOLTAGE_CURRENT)
         checklist.check_settings(board.name, board.setting, _settings(drive))
         _check_encoder(board)
-        motor = motor_scale(drive, _turns_at_home(board, drive))
+        motor = _motor_scale(board, drive)
         limits = motor_limits(drive, motor)
         _check_range(board, limits)
         modes = {settings.CONTROL_MODE: frames.POSITION_CONTROL, settings.INPUT_MODE: frames.PASSTHROUGH}

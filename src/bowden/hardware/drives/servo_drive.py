@@ -29,8 +29,8 @@ from bowden.hardware.drives.checklist import (
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.findings import JOINT_SERVO, UNWATCHED
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, counts_at_home, motor_limits
-from bowden.hardware.drives.servo_table import BlockReader, ServoSample, error_of, joint_scale, motor_scale
+from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, found_scale, motor_limits
+from bowden.hardware.drives.servo_table import BlockReader, ServoSample, error_of, joint_scale
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -235,7 +235,7 @@ class ServoDrive(Driver):
                 expected="a motor that stands still",
                 do="hold it, and check what pulls at it",
             )
-        scale = motor_scale(drive, counts_at_home(drive, last.position, self.turn, motor_scale(drive)))
+        scale = found_scale(drive, last.position, self.turn)
         limits = motor_limits(drive, scale)
         self._check_limits(servo, scale, limits)
         servo.check_alone()

@@ -14,10 +14,9 @@ from typing import Any, ClassVar, NamedTuple
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale, motor_scale
+from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale
 from bowden.hardware.drives.moteus_drive import HOMED, state_of
 from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
-from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import SUPPLY, TwinNode
@@ -135,11 +134,10 @@ class MoteusNode(TwinNode):
         "joint_silence": "the joint's encoder hangs on the board: inject encoder_frozen joint, or encoder_nan joint",
     }
 
-    def _prepare(self) -> Scale | SuitScale:
+    def _prepare(self) -> None:
         self._joint, self.turn = joint_scale(self._drive), self._drive.output_ratio
         self.commands = 0
         """Frames that were for this board."""
-        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         self.mode, self.fault = BoardMode.STOPPED, 0

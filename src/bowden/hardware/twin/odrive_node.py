@@ -17,11 +17,10 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
-from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale
+from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.odrive_drive import state_of
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
 from bowden.hardware.drives.odrive_frames import ESTOP, WATCHDOG, AxisState, Beat, Cmd, Scales, unpack
-from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import HOTTEST, SUPPLY, TwinNode
@@ -68,10 +67,9 @@ class OdriveNode(TwinNode):
         "kick": "it begins at its own position",
     }
 
-    def _prepare(self) -> Scale | SuitScale:
+    def _prepare(self) -> None:
         self._endpoints = endpoints_of(self._drive.endpoints)
         self._set: dict[str, float] = {}
-        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         if self._set:  # it was on before, and has lost its turns, or its position
