@@ -501,7 +501,7 @@ def check_sent(name: str, identifier: int, data: bytes) -> None:
     elif name == "odrive":
         assert identifier >> 5 == 1
         if identifier == identifier_of(1, Cmd.SET_INPUT_POS):
-            sent = odrive.unpack_target(data, odrive.Scales(1000.0, 1000.0))
+            sent = odrive.unpack_target(data, (1000.0, 1000.0))
             assert sent is not None
             assert abs(sent.position) <= 2.0 * odrive.MOST_TURNS
             assert abs(sent.velocity) <= 1e-3 + 15.0 * 5.0

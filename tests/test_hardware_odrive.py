@@ -14,7 +14,7 @@ from bowden.hardware.drives import odrive_endpoints
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.families.odrive import FAMILY, OdriveParameters, target_of
 from bowden.hardware.drives.odrive_drive import OdriveDrive
-from bowden.hardware.drives.odrive_frames import ERRORS, UNTOLD, Cmd, Scales, Target, code_of, identifier_of
+from bowden.hardware.drives.odrive_frames import ERRORS, UNTOLD, Cmd, Target, code_of, identifier_of
 from bowden.hardware.drives.scale import motor_limits, motor_scale
 from bowden.hardware.ports import Power
 from bowden.rig.rig import Rig
@@ -24,7 +24,7 @@ RIG = Rig(drive=OdriveParameters())
 WITH_JOINT = RIG.drive_parameters._replace(answer_timeout=0.1)
 DRIVE = WITH_JOINT._replace(joint="none")
 ENABLED, IDLE = DriveState.OPERATION_ENABLED, DriveState.SWITCH_ON_DISABLED
-SCALES = Scales(1000.0, 1000.0)
+SCALES = 1000.0, 1000.0
 
 
 @given(st.floats(-1000, 1000, width=32), st.floats(-32.7, 32.7), st.floats(-32.7, 32.7))

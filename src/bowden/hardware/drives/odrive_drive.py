@@ -28,7 +28,7 @@ from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.checklist import LISTENING, Conversation, DriveLimit, Found, Said, Setting
 from bowden.hardware.drives.driver import Driver
-from bowden.hardware.drives.families.odrive import OdriveParameters, scales_of, target_of
+from bowden.hardware.drives.families.odrive import OdriveParameters, target_of
 from bowden.hardware.drives.findings import LEFT, UNWATCHED, WATCH_EVERY
 from bowden.hardware.drives.odrive_endpoints import ENABLED, TIMEOUT, Endpoints, endpoints_of
 from bowden.hardware.drives.odrive_frames import WATCHDOG, AxisState, Beat, Cmd, errors_text, identifier_of, unpack
@@ -373,7 +373,7 @@ class OdriveDrive(Driver):
 
     def _prepare(self) -> None:
         drive = self._drive
-        self._endpoints, self._scales = endpoints_of(drive.endpoints), scales_of(drive)
+        self._endpoints, self._scales = endpoints_of(drive.endpoints), (drive.velocity_scale, drive.torque_scale)
         self._frames = drive.node_id << 5
         """Identifier of its frames, of command 0."""
         self._asks_position = self._frames | Cmd.GET_ENCODER_ESTIMATES | REMOTE

@@ -20,7 +20,7 @@ from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.odrive_drive import state_of
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
-from bowden.hardware.drives.odrive_frames import ESTOP, WATCHDOG, AxisState, Beat, Cmd, Scales, unpack
+from bowden.hardware.drives.odrive_frames import ESTOP, WATCHDOG, AxisState, Beat, Cmd, unpack
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import HOTTEST, SUPPLY, TwinNode
@@ -151,7 +151,7 @@ class OdriveNode(TwinNode):
             for name, value in zip(SET_BY[cmd], values, strict=True):
                 self._change(name, float(value))
         elif cmd == Cmd.SET_INPUT_POS:
-            scales = Scales(self._set[settings.VELOCITY_SCALE] or 1.0, self._set[settings.TORQUE_SCALE] or 1.0)
+            scales = self._set[settings.VELOCITY_SCALE] or 1.0, self._set[settings.TORQUE_SCALE] or 1.0
             target = frames.unpack_target(data, scales)
             if target is not None and all(math.isfinite(value) for value in target):
                 self._input = target

@@ -11,7 +11,7 @@ from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.joint_encoder import check_beside, has_encoder, identifiers_of
 from bowden.hardware.drives.odrive_endpoints import TWIN
-from bowden.hardware.drives.odrive_frames import INT16, MOST_TURNS, Cmd, Scales, Target, fault_text, identifier_of
+from bowden.hardware.drives.odrive_frames import INT16, MOST_TURNS, Cmd, Target, fault_text, identifier_of
 from bowden.hardware.drives.scale import MotorLimits, bounded_torque, feed_velocity, motor_limits, motor_scale
 from bowden.rig.families import DriveNeeds
 
@@ -122,11 +122,6 @@ class OdriveParameters(NamedTuple):
 def own_identifiers(drive: OdriveParameters) -> dict[int, str]:
     """Identifier of each frame of the board and to it → key of [drive] that it follows from."""
     return dict.fromkeys((identifier_of(drive.node_id, cmd) for cmd in Cmd), "node_id")
-
-
-def scales_of(drive: OdriveParameters) -> Scales:
-    """Of the feed-forward fields."""
-    return Scales(float(drive.velocity_scale), float(drive.torque_scale))
 
 
 def target_of(drive: OdriveParameters, limits: MotorLimits, turns: float, before: float, torque: float) -> Target:
