@@ -494,9 +494,9 @@ def check_sent(name: str, identifier: int, data: bytes) -> None:
             assert abs(command.torque) <= 0.01
     elif name == "moteus":
         assert identifier == 0x2001 | moteus.REPLY_WANTED
-        for base, one in moteus.subframes(data):
-            if base == moteus.WRITE and isinstance(one, moteus.RegisterWritten):
-                target = one.value if one.register == moteus.Register.COMMAND_POSITION else 0.0
+        for one in moteus.subframes(data):
+            if one.head == moteus.WRITE:
+                target = one.value if one.at == moteus.Register.COMMAND_POSITION else 0.0
                 assert math.isnan(target) or abs(target) < 1e-6
     elif name == "odrive":
         assert identifier >> 5 == 1

@@ -126,7 +126,7 @@ class MoteusDialogue(Conversation):
             found, failed, _ = frames.replied(answer)
             for error in failed:
                 raise DriveError(
-                    f"{self.name} has no register {error.register:03X}h (error {error.error})",
+                    f"{self.name} has no register {error.at:03X}h (error {error.value:g})",
                     expected=f"the registers of map version {frames.REGISTER_MAP}",
                     do="load a later firmware with moteus_tool",
                 )
