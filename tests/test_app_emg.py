@@ -9,7 +9,7 @@ import pytest
 from bowden.app.main import run
 from bowden.core.errors import StreamError
 from bowden.hardware.emg.listener import Listener
-from bowden.hardware.emg.playback import Playback
+from bowden.hardware.emg.sources import Playback
 from bowden.hardware.ports import EmgChunk
 from bowden.identify.emg.levels import envelope_levels
 from bowden.identify.emg.log import read_emg
