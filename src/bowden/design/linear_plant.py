@@ -7,18 +7,22 @@ the extensor taut and slack.
 
 import itertools
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.stability import Margins, StateSpace, frequencies, margins, response, servo_model, servo_response
 from bowden.core.units import DEGREES
+from bowden.design.estimate_model import behind_estimate
 from bowden.design.linearise import LawModel
 from bowden.models.cable.sheath import slope_factor
 from bowden.models.drive.servo import Servo
+from bowden.plants.estimated import Estimated
 from bowden.plants.plant import Plant
+from bowden.plants.settled_estimate import settled_estimate
 from bowden.plants.suit_linear import linear_suit, without_friction
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import transmission
@@ -114,6 +118,45 @@ _CLOSED = StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 1.0)
 """What closes a loop that has the law in it."""
 
 
+class BehindEstimate(NamedTuple):
+    """A plant whose joint no encoder measures: the law's joint is the estimate, with its gains of each time."""
+
+    plant: Estimated
+    inner: LinearPlant
+
+    @property
+    def places(self) -> tuple[OperatingPoint, ...]:
+        """See `LinearPlant`."""
+        return self.inner.places * len(_gains(self.plant))
+
+    @property
+    def leaves_out(self) -> str:
+        """See `LinearPlant`."""
+        return self.inner.leaves_out
+
+    @property
+    def alone(self) -> Plant | None:
+        """See `LinearPlant`."""
+        alone = self.inner.alone
+        return None if alone is None else cast(Plant, replace(self.plant, inner=alone))
+
+    def margins(self, law: LawModel) -> Iterator[Margins]:
+        """See `LinearPlant`."""
+        for seen in laws_seen(cast(Plant, self.plant), law):
+            yield from self.inner.margins(seen)
+
+
+def laws_seen(plant: Plant, law: LawModel) -> list[LawModel]:
+    """A law near rest from the true joint on: as it is, or behind the estimate of the joint's angle."""
+    if not isinstance(plant, Estimated):
+        return [law]
+    return [behind_estimate(law, plant.model, gains, plant.sample_time) for gains in _gains(plant)]
+
+
+def _gains(plant: Estimated) -> tuple[tuple[float, float], ...]:
+    return settled_estimate(plant.model, plant.sample_time).gains
+
+
 def linear_plant(
     plant: Plant, bends: Iterable[float], stroke: tuple[float, float], *, reversals: bool = True
 ) -> LinearPlant:
@@ -130,6 +173,8 @@ def linear_plant(
         ParameterError: a plant that does not follow its motor.
     """
     ends = tuple(dict.fromkeys(bends))
+    if isinstance(plant, Estimated):
+        return BehindEstimate(plant, linear_plant(plant.inner, ends, stroke, reversals=reversals))
     if isinstance(plant, Suit):
         low, high = stroke
         corners = tuple(itertools.product(ends, (low, 0.5 * (low + high), high), (True, False)))
