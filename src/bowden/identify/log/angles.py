@@ -13,12 +13,11 @@ from bowden.core.arguments import format_value
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import CABLE_LOG_LIMIT, DEGREES, RADIANS
 from bowden.identify.cable.turns import Index, motor_noise
-from bowden.identify.log.columns import split_name
+from bowden.identify.log.columns import ANGLES, FACTORS, split_name
 from bowden.plants.trust import Trust
 
 Array = NDArray[np.float64]
 
-UNITS = ("deg", "rad", "turns", "counts")
 SIDES = ("motor", "joint")
 
 _TURN = 2.0 * math.pi  # rad
@@ -114,7 +113,7 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None, spool_radius_mm: 
             f"the unit of the angles is {format_value(unit)}", expected=_EXPECTED, do="give one of them"
         )
     parts = [part.strip().lower() for part in unit.split(",")] if unit else [None]
-    if len(parts) > 2 or any(part not in (None, *UNITS, "mm", "cm") for part in parts):
+    if len(parts) > 2 or any(part not in (None, *ANGLES, "mm", "cm") for part in parts):
         raise ParameterError(f"the unit of the angles is {unit!r}", expected=_EXPECTED, do="give one of them")
     counts = _counts(counts_per_turn)
     both = (parts[0], parts[-1])
@@ -164,19 +163,19 @@ def angles_of(
         if (unit or found) in ("mm", "cm") and not (side == "motor" and given.spool):
             radius = "give the radius of its spool: --spool-radius-mm 20 (spool_radius_mm= in Python)"
             do = radius if side == "motor" else "convert it, or name another column"
-        elif found not in (None, *UNITS, "mm", "cm") and unit is None:
+        elif found not in (None, *ANGLES, "mm", "cm") and unit is None:
             do = "name another column, or give --unit where the name is wrong"
         else:
             continue
         what = f"the {side}'s column {name!r} is in {unit or found}"
-        raise LogError(what, expected=f"an angle: {', '.join(UNITS)}", do=do)
+        raise LogError(what, expected=f"an angle: {', '.join(ANGLES)}", do=do)
     if given.spool:  # what the motor winds up is an angle from here on
         name, found = columns["motor"]
         per_mm = 10.0 if (given.unit[0] or found) == "cm" else 1.0
         values = {**values, "motor": values["motor"] * per_mm / given.spool}
         columns = {**columns, "motor": (name, "rad")}
         given = given._replace(unit=("rad", given.unit[1] if given.unit[1] not in ("mm", "cm") else None), spool=None)
-    own = {side: found if found in UNITS else None for side, (_, found) in columns.items()}
+    own = {side: found if found in ANGLES else None for side, (_, found) in columns.items()}
     angles: dict[str, Angle] = {}
     warnings: list[str] = []
     for side, other, unit, counts in zip(SIDES, reversed(SIDES), given.unit, given.counts_per_turn, strict=True):
@@ -208,7 +207,7 @@ def angles_of(
                 expected="whole numbers",
                 do="give its unit: --unit deg or --unit rad (unit= in Python), beside the counts per turn",
             )
-        factor = {"deg": RADIANS, "rad": 1.0, "turns": _TURN, "counts": _TURN / (counts or 1.0)}[chosen]
+        factor = _TURN / (counts or 1.0) if chosen == "counts" else FACTORS[chosen]
         known, count = unit is not None or named is not None, _TURN / counts if counts else 0.0
         angles[side] = Angle(name, values[side], chosen, known, factor, guessed, count)
     if any(one.unit == "counts" for one in angles.values()) and len({*given.counts_per_turn}) == 1:
