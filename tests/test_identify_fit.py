@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 import bowden
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.units import DEGREES
-from bowden.identify.cable import settling as settling_module
+from bowden.identify.cable import validation as settling_module
 from bowden.identify.cable.family import Estimate
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import forecast
 from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.plays import PrandtlIshlinskii
-from bowden.identify.cable.settling import Settling, settling
 from bowden.identify.cable.turns import find_turns
-from bowden.identify.cable.validation import folds, simplest_of_the_best
+from bowden.identify.cable.validation import Settling, folds, settling, simplest_of_the_best
 from bowden.models.cable.bouc_wen import BoucWen, joint_angle
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.generalised_play import Branches, design_of, half_gap, mean_branch, with_curve

@@ -111,7 +111,7 @@ class GeneralisedPlay:
         return _straightened(path, free) or free
 
     def rough(self, path: Path) -> Estimate:
-        """The same with the plays as they are found first, for `bowden.identify.cable.settling`.
+        """The same with the plays as they are found first, for `bowden.identify.cable.validation`.
 
         Where the motor came from is known to one of seven values: better plays would show that as a first stroke that
         is unlike the others.

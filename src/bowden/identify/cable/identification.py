@@ -30,10 +30,9 @@ from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.plays import PlayOperator, PrandtlIshlinskii
 from bowden.identify.cable.projection import solve_linear
 from bowden.identify.cable.recalibrate import fit_gain
-from bowden.identify.cable.settling import Settling, settling
 from bowden.identify.cable.turns import Turns, find_turns, motor_noise
 from bowden.identify.cable.uncertainty import all_shown, loop_of, standard_errors
-from bowden.identify.cable.validation import left_out_errors, simplest_of_the_best
+from bowden.identify.cable.validation import Settling, left_out_errors, settling, simplest_of_the_best
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import Scheduled
 from bowden.plants.identified import CableModel, IdentifiedCable

@@ -23,11 +23,9 @@ from bowden.identify.log.angles import (
     angle_units,
     angles_of,
     check_plausible,
-    check_same_unit,
-    geared,
+    compared,
     look_swapped,
     stopped_at,
-    unit_doubts,
     unwrapped,
     without_outliers,
 )
@@ -431,9 +429,7 @@ def prepare(
     check_plausible(motor, joint, place)
     (motor, filled), (joint, further) = (without_outliers(one, time, place) for one in (motor, joint))
     notes, more = notes + filled, more + further
-    if not apart:
-        check_same_unit(motor.radians, joint.radians, name)
-    more += geared(motor, joint)
+    gear, of_units = compared(motor, joint, name, apart=apart)
     even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place, cut=True)
     if not time_unit_known:
         even, guessed = in_seconds(even, motor_at, joint_at)
@@ -445,7 +441,7 @@ def prepare(
     swapped, turns = Trust("no", (found,)), reversals(motor_at, least_swing(motor_at))
     doubts = (
         *doubts,
-        *unit_doubts(motor, joint, apart=apart),
+        *of_units,
         *odd_time(even, motor_at, joint_at),
         *seldom,
         *([swapped] if look_swapped(motor_at, joint_at, turns) else []),
@@ -454,7 +450,7 @@ def prepare(
         at, on = (one * DEGREES for one in stop)
         why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
         doubts = (*doubts, Trust("with care", (why,)))
-    said = (*(one for one in warnings if one), *notes, *more, *clock, *repeats)
+    said = (*(one for one in warnings if one), *notes, *more, *gear, *clock, *repeats)
     encoders = Encoders(*(angles[side].count for side in SIDES))
     return Log(even, motor_at, joint_at, name, said, doubts, counts, encoders)
 
