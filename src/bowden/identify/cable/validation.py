@@ -28,15 +28,14 @@ Source: Hastie, Tibshirani and Friedman, *The Elements of Statistical Learning*,
 rule); Roberts et al., Ecography 40(8), 2017 (blocks in cross-validation of what is correlated).
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.identify.cable.family import Array, Estimate, Family
 from bowden.identify.cable.path import Path
-from bowden.identify.cable.projection import products
+from bowden.identify.cable.projection import Array, Estimate, products
 from bowden.plants.predicted import PREDICTED
 
 _FOLDS, _STRETCHES = 5, 20
@@ -44,6 +43,9 @@ _JUDGED = 1_000_000
 """Samples that judge a fold: of a log with twice as many and more, every so many."""
 _TWENTIETH = 1.05**2 - 1.0
 """Of the squared error, what a twentieth of the error is."""
+
+Refit = Callable[[Path, Estimate], Estimate]
+"""The best member of a family for a path, perhaps another part of the log or with other weights, searched from one."""
 
 
 def start_ends(path: Path) -> list[int]:
@@ -72,7 +74,7 @@ def folds(path: Path) -> list[NDArray[np.bool_]]:
 
 
 def left_out_errors(
-    families: Iterable[Family],
+    families: Mapping[str, Refit],
     estimates: Mapping[str, Estimate],
     thin: Path,
     path: Path,
@@ -86,7 +88,7 @@ def left_out_errors(
     the loop is not better on the samples themselves.
 
     Args:
-        families: to be judged.
+        families: to be judged, by name.
         estimates: their members for all of the path, by name.
         thin: the same motion, on which they are fitted without a fold.
         path: along which the joint is predicted.
@@ -105,13 +107,13 @@ def left_out_errors(
             rest = thin.with_weight(np.where(thinned == one, 0.0, thin.weight))
             judged.append((rest, time[mine], joint[mine], np.interp(time[mine], path.time, counted)))
     found: dict[str, Array] = {}
-    for family in families:
+    for name, refit in families.items():
         errors = []
         for rest, at, measured, weights in judged:
-            member = family.refit(rest, estimates[family.name])
-            predicted = np.interp(at, nodes, PREDICTED[family.name](member.parameters, path.motor)[seen])
+            member = refit(rest, estimates[name])
+            predicted = np.interp(at, nodes, PREDICTED[name](member.parameters, path.motor)[seen])
             errors.append(float(np.average((predicted - measured) ** 2, weights=weights)))
-        found[family.name] = np.array(errors)
+        found[name] = np.array(errors)
     return found
 
 
