@@ -192,6 +192,13 @@ def test_of_several_channels_one_is_chosen(command: Command) -> None:
     )
 
 
+def test_a_column_of_text_is_no_channel() -> None:
+    """As Noraxon writes them: three lines above the names, marks of activities beside the channel."""
+    rows = "".join(f'{k / 1000:.3f},"{"Begin" * (k == 0)}",{value:.4f}\n' for k, value in enumerate(signal()))
+    Path("marked.csv").write_text('"record","0.0","1000"\n\n"time","Activity","BICEPS (uV)"\n' + rows)
+    assert read_emg(Path("marked.csv")).channel == "BICEPS (uV)"
+
+
 def test_rest_is_of_the_channel_of_the_contraction(command: Command) -> None:
     quiet, loud = background(1000.0, 8000, np.random.default_rng(3)), signal()
     write("mvc.csv", [loud, quiet], head="time_s,biceps_mV,triceps_mV")
