@@ -526,7 +526,10 @@ class Mutating:
 
         def work() -> str:
             put_in_place(mutant)
-            compile_changed()
+            try:
+                compile_changed()
+            except Exception as error:  # of what tells contents apart
+                return f"compiling raises {error!r}"
             run([items[name] for name in names], until=lambda: bool(self._failed))
             return self._failed or "survives"
 
