@@ -239,21 +239,32 @@ def _travel(way: float, faster: float, time: float, width: float, next_width: fl
 def _bench_in_substeps(
     bench: BenchStep, plant: BenchState, applied: float, width: float, next_width: float, factor: float, substeps: int
 ) -> BenchState:
-    """`bench_moved` for a servo at its limits, or one that is quick beside the cycle: it turns at ends of sub-steps."""
+    """`bench_moved` for a servo at its limits, or one that is quick beside the cycle: it turns at ends of sub-steps.
+
+    A cycle without a turn or a limit, in a still sheath, is one exact step to the same end; the velocity one sub-step
+    `before` it follows from the sub-step's inverse.
+    """
     offset, velocity = plant.motor.position - applied, plant.motor.velocity
     before, h, travel = velocity, plant.h, 0.0
-    widening = (next_width - width) / substeps
-    inverse_width = 1.0 / width
-    for i in range(substeps):
-        before = velocity
-        moved, velocity = servo_approach(offset, velocity, bench.servo)
-        if widening != 0.0:  # spares a still sheath the division
-            inverse_width = 1.0 / (width + (i + 1.0) * widening)
-        piece = (moved - offset) * inverse_width
-        if piece * travel < 0.0:
-            h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
-        travel += piece
-        offset = moved
+    servo, cycle, inverse_width = bench.servo, bench.cycle, 1.0 / width
+    moved = cycle.xx * offset + cycle.xv * velocity
+    speed = cycle.vx * offset + cycle.vv * velocity
+    if servo_is_free(offset, velocity, servo) and speed * velocity >= 0.0 and next_width == width:
+        travel = (moved - offset) * inverse_width
+        before = (servo.xx * speed - servo.vx * moved) / (servo.xx * servo.vv - servo.xv * servo.vx)
+        offset, velocity = moved, speed
+    else:
+        widening = (next_width - width) / substeps
+        for i in range(substeps):
+            before = velocity
+            moved, velocity = servo_approach(offset, velocity, servo)
+            if widening != 0.0:  # spares a still sheath the division
+                inverse_width = 1.0 / (width + (i + 1.0) * widening)
+            piece = (moved - offset) * inverse_width
+            if piece * travel < 0.0:
+                h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
+            travel += piece
+            offset = moved
     h = advance_prepared(h, travel, bench.hysteresis)
-    motor = ServoState(offset + applied, velocity, (velocity - before) / bench.servo.dt)
+    motor = ServoState(offset + applied, velocity, (velocity - before) / servo.dt)
     return bench_at(bench, motor, h, next_width, factor)
