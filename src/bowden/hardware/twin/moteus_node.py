@@ -144,7 +144,7 @@ class MoteusNode(TwinNode):
         """Frames that were for this board."""
 
     def _power_up(self) -> None:
-        self.mode, self.fault = BoardMode.STOPPED, 0
+        self.state, self.fault = BoardMode.STOPPED, 0
         self._command, self._wanted = dict(COMMANDS), BoardMode.STOPPED
         self._valid = False
         self._commanded = self._deadline = self._enabled = math.inf
@@ -166,8 +166,8 @@ class MoteusNode(TwinNode):
         self.console = MoteusConsole(self._named)
 
     def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
-        fault = self.fault if self.mode is BoardMode.FAULT else 0
-        return state_of(self.mode), fault, {"mode": int(self.mode), "commands": self.commands}
+        fault = self.fault if self.state is BoardMode.FAULT else 0
+        return state_of(self.state), fault, {"mode": int(self.state), "commands": self.commands}
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """A frame from the bus; whether its identifier is an extended one does not count."""
@@ -276,7 +276,7 @@ class MoteusNode(TwinNode):
         sources = {1: math.nan, 2: math.nan, drive.joint_source: shown.joint}
         valid = math.isfinite(shown.joint)
         return {
-            Register.MODE: float(self.mode),
+            Register.MODE: float(self.state),
             Register.POSITION: shown.motor,
             Register.VELOCITY: self._velocity(),
             Register.TORQUE: shown.current * drive.needs.torque_constant / drive.output_ratio,
@@ -325,10 +325,10 @@ class MoteusNode(TwinNode):
             self._held = self._position()
         if wanted is BoardMode.STOPPED:
             self._enter(BoardMode.STOPPED, now)
-        elif self.mode is BoardMode.STOPPED:
+        elif self.state is BoardMode.STOPPED:
             self._enabled = now + ENABLING_TIME
             self._enter(BoardMode.ENABLING, now)
-        elif self.mode not in (*NOT_COMMANDED, BoardMode.TIMEOUT):
+        elif self.state not in (*NOT_COMMANDED, BoardMode.TIMEOUT):
             self._begin(now)
 
     def _begin(self, now: float) -> None:
@@ -353,18 +353,13 @@ class MoteusNode(TwinNode):
         low, high = self._bounds()
         return place if self._command[Register.COMMAND_IGNORE_BOUNDS] else max(low, min(high, place))
 
-    def _enter(self, mode: BoardMode, now: float) -> None:
-        if mode is self.mode:
-            return
-        before, self.mode = self.mode, mode
-        self._journal(now, "state", mode.name)
+    def _entered(self, before: Any, now: float, why: str) -> None:
         if before is BoardMode.FAULT:
             self.fault = 0
-        on = mode is BoardMode.POSITION or self._doing(now) != OFF
-        self._power(now, on=on, why=mode.name)
+        self._power(now, on=self.state is BoardMode.POSITION or self._doing(now) != OFF, why=why)
 
     def _stop(self, now: float, why: str) -> None:
-        self._enter(BoardMode.STOPPED, now)
+        self._enter(BoardMode.STOPPED, now, why)
 
     def _code_of(self, amount: int) -> int:
         return amount if frames.FIRST_FAULT <= amount < frames.FIRST_LIMIT else DRIVER_FAULT
@@ -372,20 +367,20 @@ class MoteusNode(TwinNode):
     def _doing(self, now: float) -> Doing:
         """What the motor does in this mode."""
         command = self._command
-        if self.mode is BoardMode.POSITION:
+        if self.state is BoardMode.POSITION:
             torque = command[Register.COMMAND_MAX_TORQUE]
             gains = command[Register.COMMAND_KP_SCALE] > 0.0 and self._named.get("servo.pid_position.kp", 0.0) > 0.0
             gives = gains and (math.isnan(torque) or torque > 0.0) and not self.faults.active("inert", now)
             return FOLLOW if gives else OFF
         reaction = self._named.get("servo.timeout_mode", 0.0)
-        braking = self.mode is BoardMode.TIMEOUT and reaction != BoardMode.STOPPED
-        return BRAKE if braking or self.mode in (BoardMode.ZERO_VELOCITY, BoardMode.BRAKE) else OFF
+        braking = self.state is BoardMode.TIMEOUT and reaction != BoardMode.STOPPED
+        return BRAKE if braking or self.state in (BoardMode.ZERO_VELOCITY, BoardMode.BRAKE) else OFF
 
     def _watch(self, now: float) -> None:
-        if self.mode is BoardMode.ENABLING and now >= self._enabled:
+        if self.state is BoardMode.ENABLING and now >= self._enabled:
             self._begin(now)
         deadline = max(self._deadline, self._commanded + self.patience) if self.patience else self._deadline
-        if self.mode is BoardMode.POSITION and now >= deadline:
+        if self.state is BoardMode.POSITION and now >= deadline:
             self._enter(BoardMode.TIMEOUT, now)
 
     def _fail(self, code: int, now: float) -> None:
@@ -407,7 +402,7 @@ class MoteusNode(TwinNode):
 
     def _protect(self, now: float) -> None:
         window = self._named.get("servo.fault_position_error", math.nan)
-        if self.mode is not BoardMode.POSITION:
+        if self.state is not BoardMode.POSITION:
             return
         if math.isfinite(window) and abs(self._control(now) - self._position()) > window:
             self._fail(POSITION_ERROR, now)
