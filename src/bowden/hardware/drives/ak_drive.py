@@ -19,7 +19,7 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.place import EXTENDED, REMOTE
 from bowden.hardware.drives import ak_frames as frames
-from bowden.hardware.drives.checklist import Conversation, Found, data_of, joined, refuse_torque
+from bowden.hardware.drives.checklist import Conversation, Found, data_of, refuse_torque
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.families import ak_mit
 from bowden.hardware.drives.families.ak_mit import UPLOAD, AkParameters, command_id, model_of, reply_id
@@ -329,7 +329,7 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
         if identifier in told and (v3 or 0 < reply.number <= HIGHEST):
             found[reply.number] = reply
 
-    with joined(place(drive), drive.node_id, links) as port:
+    with links.join(place(drive), f"node {drive.node_id}", lambda _: True) as port:
         bus = Conversation(port, drive.node_id, lambda identifier, _: not v3 and 0 < identifier <= HIGHEST)
         bus.wait(LISTENING, looked_at)
         if bus.foreign is not None:
