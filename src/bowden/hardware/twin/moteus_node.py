@@ -49,40 +49,6 @@ ONLY_INT32 = frozenset(
 )
 
 
-class MoteusConsole:
-    """Takes bytes in and gives bytes out; of its commands those that somebody sends to the twin.
-
-    Args:
-        configuration: name → value.
-    """
-
-    def __init__(self, configuration: dict[str, float]) -> None:
-        self.configuration = configuration
-        self._heard, self._said = b"", b""
-
-    def take(self, data: bytes) -> None:
-        """Bytes from the host; each line is answered."""
-        lines = (self._heard + data).replace(b"\r", b"\n").split(b"\n")
-        self._heard = lines.pop()[-LONGEST_LINE:]
-        for line in lines:
-            if line.strip():
-                self._said += self._answer(line.decode("latin-1").split()).encode() + b"\r\n"
-
-    def give(self, most: int) -> bytes:
-        """Bytes for the host, this many at most."""
-        given, self._said = self._said[:most], self._said[most:]
-        return given
-
-    def _answer(self, words: list[str]) -> str:
-        match words:
-            case ["conf", "get", name]:
-                value = self.configuration.get(name)
-                return "ERR error reading" if value is None else _text(value)
-            case ["tel", "stop"]:
-                return "OK"
-        return "ERR unknown command"
-
-
 def _text(value: float) -> str:
     return f"{int(value)}" if math.isfinite(value) and value == int(value) else f"{value:f}"
 
@@ -163,7 +129,7 @@ class MoteusNode(TwinNode):
         others = {name: value for name, value in self._overrides.items() if isinstance(name, str)}
         self._named |= {name: value for name, value in others.items() if value is not None}
         self._named = {name: value for name, value in self._named.items() if others.get(name, 0.0) is not None}
-        self.console = MoteusConsole(self._named)
+        self._heard, self._said = b"", b""  # on the diagnostic channel
 
     def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
         fault = self.fault if self.state is BoardMode.FAULT else 0
@@ -220,12 +186,30 @@ class MoteusNode(TwinNode):
         if one.at != frames.CHANNEL or one.head == frames.FROM_DRIVE:
             return False
         if one.head == frames.TO_DRIVE:
-            self.console.take(one.data)
+            self._hear(one.data)
         if answers:
             room = LARGEST_REPLY - len(reply) - RESERVE
-            said = self.console.give(max(0, min(room, int(one.value) if one.head == frames.POLL else room)))
+            most = max(0, min(room, int(one.value) if one.head == frames.POLL else room))
+            said, self._said = self._said[:most], self._said[most:]
             reply += bytes((frames.FROM_DRIVE, frames.CHANNEL)) + frames.varuint(len(said)) + said
         return True
+
+    def _hear(self, data: bytes) -> None:
+        """Bytes of the diagnostic channel; each line is answered, of the console's commands those that somebody sends
+        to the twin.
+        """
+        lines = (self._heard + data).replace(b"\r", b"\n").split(b"\n")
+        self._heard = lines.pop()[-LONGEST_LINE:]
+        for line in filter(bytes.strip, lines):
+            match line.decode("latin-1").split():
+                case ["conf", "get", name]:
+                    value = self._named.get(name)
+                    said = "ERR error reading" if value is None else _text(value)
+                case ["tel", "stop"]:
+                    said = "OK"
+                case _:
+                    said = "ERR unknown command"
+            self._said += said.encode() + b"\r\n"
 
     def _answer(self, asked: frames.Subframe, room: int, now: float) -> bytes:
         """The reply to a question for registers, in the type asked for, or which of them there is not."""
