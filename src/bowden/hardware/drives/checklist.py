@@ -129,11 +129,6 @@ class Conversation:
         return None
 
 
-def data_of(wanted: int) -> Callable[[int, bytes], bytes | None]:
-    """What a frame of one identifier says, for `Conversation.ask`."""
-    return lambda identifier, data: data if identifier == wanted else None
-
-
 def refuse_torque(name: str, state: str, do: str) -> DriveError:
     """Error for a drive that already has torque, in a `state`."""
     return DriveError(f"{name} runs already: it is in {state}", expected="a drive without torque", do=do)
