@@ -111,25 +111,6 @@ def _try_watch(node: Dialogue, drive: DriveParameters, state: DriveState) -> Non
         _reset(node, drive)
 
 
-def restore(port: BusPort, drive: DriveParameters) -> None:
-    """Bring back a drive that has missed its host's heartbeat while another drive on its bus was tried: both get it.
-
-    Args:
-        port: of its bus, read by nobody else.
-        drive: that was set up, without a fault.
-
-    Raises:
-        DriveError: it does not answer, or stays in fault.
-    """
-    node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
-    if node.read_if_there(0x603F) != HEARTBEAT_LOST:
-        return
-    if not node.reaches(frames.OPERATIONAL, 1):
-        _start(node)
-    if decode(node.read(0x6041)) is DriveState.FAULT:
-        _reset(node, drive)
-
-
 def _reset(node: Dialogue, drive: DriveParameters) -> None:
     """Reset the fault of a lost host."""
     for word in (Controlword.DISABLE_VOLTAGE, Controlword.FAULT_RESET, Controlword.DISABLE_VOLTAGE):
@@ -479,8 +460,21 @@ class CanopenDrive(Driver):
         return Found(said, motor, joint, motor_limits(drive, motor), state, 0, serial, rated_torque)
 
     def _restore(self) -> None:
-        if self._port is not None and self._found is not None and self._found.state is not DriveState.FAULT:
-            restore(self._port, self._drive)
+        """Bring it back where it has missed our heartbeat while another drive on its bus was tried: both get it.
+
+        Raises:
+            DriveError: it does not answer, or stays in fault.
+        """
+        drive = self._drive
+        if self._port is None or self._found is None or self._found.state is DriveState.FAULT:
+            return
+        node = Dialogue(self._port, drive.node_id, drive.host_id, drive.answer_timeout)
+        if node.read_if_there(0x603F) != HEARTBEAT_LOST:
+            return
+        if not node.reaches(frames.OPERATIONAL, 1):
+            _start(node)
+        if decode(node.read(0x6041)) is DriveState.FAULT:
+            _reset(node, drive)
 
     def _concerns(self, identifier: int) -> bool:
         return identifier & 0x7F == self._drive.node_id or identifier in self._ours
