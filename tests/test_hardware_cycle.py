@@ -19,7 +19,7 @@ from bowden.hardware.drives.scale import motor_limits, motor_scale
 from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.injection import parse
-from bowden.identify.servo.fit import identify_servo
+from bowden.identify.servo import identify_servo
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import ServoState, prepare, servo_step
 from support.memory_bus import DriverLoop, bench_at

@@ -134,6 +134,15 @@ def test_a_servo_on_the_joint_that_does_more_than_measure_ends_the_run(drive: An
     assert "servo on the joint" in FAMILY.explain(JOINT_SERVO)
 
 
+@pytest.mark.parametrize("drive", [DRIVE, FEETECH_DRIVE])
+def test_a_servo_on_the_joint_that_is_silent_leaves_an_angle_that_ages(drive: Any) -> None:
+    loop = DriverLoop(drive).up()
+    loop.run(3, Power.ON)
+    loop.inject("joint_silence")
+    last = loop.run(9, Power.ON)[-1]
+    assert (last.joint_age > 5.0, last.motor_age < 2.0) == (True, True)
+
+
 def test_two_servos_of_one_number_are_refused() -> None:
     loop = DriverLoop(DRIVE)
     loop.attach(FAMILY.node()(DRIVE, bench_at(loop.time), loop.put, loop.note))

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from bowden.app.main import run
 from bowden.core.clock import SECOND
 from bowden.core.errors import DriveError, SafetyError
 from bowden.core.signals import DriveReading
@@ -26,6 +25,7 @@ from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
+from support.command import Command
 from support.memory_bus import DriverLoop
 
 pytestmark = pytest.mark.usefixtures("state")
@@ -223,17 +223,13 @@ def test_a_goniometer_may_be_misread_and_a_cable_may_have_play(misread: float) -
     assert contradictions(math.nan, 0.5, 0.5, limits)
 
 
-@pytest.mark.parametrize("command", [["run"], ["measure"]])
-def test_no_run_powers_a_motor_that_nobody_has_confirmed(
-    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize("word", ["run", "measure"])
+def test_no_run_powers_a_motor_that_nobody_has_confirmed(word: str, tmp_path: Path, command: Command) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text('[drive]\ninterface = "socketcan"\n')
-    assert run([*command, str(rig), "--auto", "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
+    said = command(word, rig, "--auto", "--out", tmp_path / "out", code=2).err
     assert f"bowden confirm {rig}" in said
-    assert run(["confirm", str(rig)]) == 2
-    assert "no terminal" in capsys.readouterr().err
+    assert "no terminal" in command.refused("confirm", rig)
 
 
 def found_serial(number: int) -> str:

@@ -77,6 +77,11 @@ def emg_calibrate(
         LogError: a recording that cannot be used, or has no contraction in it.
         ParameterError: arguments of the wrong kind.
 
+    Examples:
+        bowden emg calibrate mvc.csv
+        bowden emg calibrate mvc.csv --rest rest.csv --out anna.toml
+        bowden emg calibrate --source lsl:EMG --channel biceps --seconds 5 --out anna.toml
+
     >>> import bowden
     >>> import numpy as np
     >>> random = np.random.default_rng(0)
@@ -183,15 +188,4 @@ def with_unit(channel: str, unit: str) -> str:
     return channel if not unit or channel.endswith(unit) else f"{channel}_{unit}"
 
 
-OPERATIONS = (
-    Operation(
-        "emg calibrate",
-        emg_calibrate,
-        (
-            "bowden emg calibrate mvc.csv",
-            "bowden emg calibrate mvc.csv --rest rest.csv --out anna.toml",
-            "bowden emg calibrate --source lsl:EMG --channel biceps --seconds 5 --out anna.toml",
-        ),
-        place=10,
-    ),
-)
+OPERATIONS = (Operation("emg calibrate", emg_calibrate, 10),)

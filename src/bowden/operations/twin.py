@@ -151,6 +151,11 @@ def twin(
     Raises:
         DriveError: a bus that cannot be used, or no twin that runs.
         ParameterError: options that do not go together.
+
+    Examples:
+        bowden twin rig.toml
+        bowden twin rig.toml --status
+        bowden twin rig.toml --inject 'encoder_frozen joint' --after 2 --for 0.5
     """
     from bowden.core.caller import argument
     from bowden.core.errors import ParameterError
@@ -263,15 +268,4 @@ def _watch_parent(parent: int, stop: Callable[[], None]) -> None:
     stop()
 
 
-OPERATIONS = (
-    Operation(
-        "twin",
-        twin,
-        (
-            "bowden twin rig.toml",
-            "bowden twin rig.toml --status",
-            "bowden twin rig.toml --inject 'encoder_frozen joint' --after 2 --for 0.5",
-        ),
-        place=130,
-    ),
-)
+OPERATIONS = (Operation("twin", twin, 130),)

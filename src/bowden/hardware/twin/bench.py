@@ -18,9 +18,8 @@ from bowden.models.cable.shared_joint import JointLoad, cable_pull, shared_joint
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.servo import servo_approach
 from bowden.plants.bench import Bench
-from bowden.plants.cable_body import Moving, Seen, cable_advance, cable_look, cable_rest, lagged
-from bowden.plants.cable_plant import CablePlant
-from bowden.plants.cables import as_cable_plant
+from bowden.plants.bench_body import Moving, bench_rest, cable_advance, cable_look, lagged
+from bowden.plants.cable import Seen
 from bowden.plants.plant import SheathState, sheath_state
 
 
@@ -53,7 +52,7 @@ class Sheathing(NamedTuple):
 @kernel
 def at_rest(plant: Moving, motor: float, sheath: SheathState) -> BenchMotion:
     """At rest at a motor angle [rad]."""
-    body = cable_rest(plant, motor, sheath)
+    body = bench_rest(plant, motor, sheath)
     return BenchMotion(motor, 0.0, 0.0, motor, body.memory, body.seen, body.joint)
 
 
@@ -100,21 +99,21 @@ def move(
         if (pulled - end) * (end - turned) < 0.0:
             part = i / count
             width = sheath.width + part * (after.width - sheath.width)
-            factor = sheath.slope_factor + part * (after.slope_factor - sheath.slope_factor)
-            memory = cable_advance(plant.cable, memory, turned, end, width, factor, (i - done) * dt)
+            memory = cable_advance(plant.cable, memory, turned, end, (end - turned) / width, width, (i - done) * dt)
             turned, done = end, i
         end = pulled
-    memory = cable_advance(plant.cable, memory, turned, end, after.width, after.slope_factor, (count - done) * dt)
+    way = (end - turned) / after.width
+    memory = cable_advance(plant.cable, memory, turned, end, way, after.width, (count - done) * dt)
     seen = cable_look(plant.cable, memory, end, after.width, after.slope_factor)
     joint = lagged(motion.joint, motion.seen.joint, seen.joint, count * dt, plant.load_lag)
     return BenchMotion(position, velocity, (velocity - before) / dt, end, memory, seen, joint)
 
 
 class TwinBench(TwinPlant):
-    """The bench, or a plant round any cable; see `TwinPlant`."""
+    """The bench, round any cable; see `TwinPlant`."""
 
-    def _begin(self, plant: Bench | CablePlant, motor: float, now: float) -> None:
-        self.bench = plant = as_cable_plant(plant)
+    def _begin(self, plant: Bench, motor: float, now: float) -> None:
+        self.bench, self._cable = plant, plant.simulated_cable
         self.speed_limit, self.current_limit = plant.servo.speed_limit, plant.motor.current_limit
         dynamics = plant.dynamics()
         self._plant: Moving = dynamics.plant
@@ -186,7 +185,7 @@ class TwinBench(TwinPlant):
             return self._slope() * self.shared.pull(self)
         if not self.taut:
             return 0.0
-        if self.bench.cable.physical:
+        if self._cable.physical:
             return self._motion.seen.torque
         return self._slope() * (motor.pretension + motor.spring * joint)
 

@@ -132,7 +132,8 @@ class ServoNode(TwinNode):
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """See `TwinNode.receive`."""
-        there = [one for one in (self._own, self._joint) if one is not None]
+        joint = None if self.faults.active("joint_silence", now) else self._joint
+        there = [one for one in (self._own, joint) if one is not None]
         heard = [one for one in there if identifier in (one.number, ALL)]
         if not heard or not data or data[0] == STATUS or self._is_destroyed(now) or not self._is_receiving(now):
             return
