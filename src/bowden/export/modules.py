@@ -27,6 +27,7 @@ from bowden.sensing.course import CourseSettings, course_start, course_step
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import DEFAULTS, envelope_start, envelope_step, prepare_envelope
+from bowden.sensing.joint_angle import JointModel, MotorReach, track_start, track_step
 from bowden.sensing.wearer_file import MuscleCalibration
 
 UNFILTERED = Filters()
@@ -155,6 +156,27 @@ def safety_module(limits: Limits, filters: Filters = UNFILTERED) -> Module:
         ],
         enums=(Request, Mode, DriveState, Power, Fault),
         numbers={"emergency_stop": (EMERGENCY_STOP, "among the codes of `emergency`, for an emergency stop")},
+    )
+
+
+def joint_module(model: JointModel, reach: MotorReach, sample_time: float) -> Module:
+    """The estimate of the joint's angle, where no encoder measures it.
+
+    Args:
+        model: of cable and sensor.
+        reach: of the motor.
+        sample_time: length of a cycle [s].
+    """
+    known = {"model": Constant(model, "of cable and sensor")}
+    given = known | {"reach": Constant(reach, "what a motor's reading may be"), "dt": Constant(float(sample_time))}
+    stepped = "One cycle, some time after the last one: the motor's angle, its age [cycles], the sensor's value or NAN."
+    return Module(
+        "joint",
+        "The joint's angle from the motor's, corrected by a sensor.",
+        [
+            Public("start", track_start, ("state",), "Before the motor's first reading.", known),
+            Public("step", track_step, ("state",), stepped, given | {"state": track_start(model)}),
+        ],
     )
 
 
