@@ -17,6 +17,7 @@ from bowden.control.conditioning import Conditioning, condition_start, condition
 from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law
 from bowden.control.source import Measurement
+from bowden.core.kernel import compiled
 from bowden.core.nested import flat, numbers_of
 from bowden.core.signals import Reference, Sample
 from bowden.models.cable.backlash import Play
@@ -252,16 +253,17 @@ def test_the_estimate_of_the_joint_knows_no_unit(units: Units, monkeypatch: pyte
     """By a sensor of which two values are missing and one is far off."""
     model = JointModel(*(0.9, 0.1, 0.05, 0.05), *(0.01, 0.004, 0.03, 0.01, 0.001))
 
-    def estimated(units: Units) -> NDArray[np.float64]:
+    def estimated(units: Units, step: Any = estimate_step) -> NDArray[np.float64]:
         counted, rad = units.counted(model), units.factor("rad")
         state, rows = estimate_start(counted, rad * COURSE[0]), []
         for k, motor in enumerate(COURSE):
             value = 0.9 * motor + (0.5 if k == 60 else 0.0) if k % 10 == 0 and not 100 < k < 125 else math.nan
-            state = estimate_step(counted, state, rad * motor, rad * value, units.factor("s") * DT)
+            state = step(counted, state, rad * motor, rad * value, units.factor("s") * DT)
             rows.append((state.angle / rad, state.std / rad, state.age / units.factor("s")))
         return np.array(rows)
 
     expected = estimated(Units())
+    np.testing.assert_allclose(estimated(Units(), compiled(estimate_step)), expected, rtol=1e-12)
     units.count_constants(monkeypatch, "bowden.sensing")
     np.testing.assert_allclose(estimated(units), expected, rtol=1e-9, atol=1e-12)
 
@@ -291,17 +293,18 @@ def test_a_push_knows_no_unit(estimated: float, unit: str, monkeypatch: pytest.M
     """Of a wearer who pushes either way against a moving motor, and lets go."""
     units, measured = MECHANICAL[unit], Measurement(0.5, 0.5, 0.0, 0.0)
 
-    def led(units: Units) -> NDArray[np.float64]:
+    def led(units: Units, step: Any = push_step) -> NDArray[np.float64]:
         settings, rows = the_push(units.counted(Suit()), units)._replace(estimated=estimated), []
         state = push_start(settings, units.counted(measured))
         for k in range(400):
             angle = 0.5 + 0.2 * math.sin(0.02 * k)
             now = Measurement(angle, angle + 0.01, 5.0 * math.sin(0.03 * k), 4.0 * math.sin(0.05 * k) * (k < 300))
             dt = units.factor("s") * DT
-            state, reference, added = push_step(settings, state, units.counted(now), Reference(0.0, 0.0, 0.0), dt)
+            state, reference, added = step(settings, state, units.counted(now), Reference(0.0, 0.0, 0.0), dt)
             rows.append([*units.back.counted(reference), added, state.push.torque / units.factor("N·m")])
         return np.array(rows)
 
     expected = led(Units())
+    np.testing.assert_array_equal(led(Units(), compiled(push_step)), expected)
     units.count_constants(monkeypatch, "bowden.control", "bowden.models", "bowden.plants")
     np.testing.assert_allclose(led(units), expected, rtol=1e-9, atol=1e-12)
