@@ -48,15 +48,15 @@ TIME_OR_ANGLE = pytest.mark.parametrize("units", [Units(s=0.5), Units(rad=2.0)],
 
 
 def courses(law: Law, units: Units) -> tuple[NDArray[np.float64], list[float]]:
-    """Commands along a noisy stroke with a play of 0.1 rad, and the law's last state, each as SI would have it."""
+    """Commands along three noisy strokes with a play of 0.1 rad, and the law's last state, each as SI would have it."""
     time, random = np.arange(1500) * DT, np.random.default_rng(2)
-    late, commands = 0.6 * np.sin(3.0 * time - 0.1), []
+    late, commands = 0.3 * np.sin(12.0 * time - 0.1), []
     law = replace(law, gains=units.counted(law.gains))
     state = law.start(units.counted(Sample(0.0, 0.05)))
     for k, (off, more) in enumerate(random.normal(0.0, 1e-3, (1500, 2)).tolist()):
-        swing, rate = 0.6 * math.sin(3.0 * time[k]), 1.8 * math.cos(3.0 * time[k])
+        swing, rate = 0.3 * math.sin(12.0 * time[k]), 3.6 * math.cos(12.0 * time[k])
         sample = units.counted(Sample(float(late[k]) + off, float(late[k]) / 0.9 + math.copysign(0.05, rate) + more))
-        reference = units.counted(Reference(swing, rate, -9.0 * swing))
+        reference = units.counted(Reference(swing, rate, -144.0 * swing))
         state, command = law.step(state, sample, reference, units.factor("s") * DT)
         commands.append(command / units.factor("rad"))
     return np.array(commands), flat(units.back.counted(state))
