@@ -25,19 +25,10 @@ from bowden.models.suit.flex_sensor import PAPER_FLEX, FlexSensor, flex_step
 from bowden.models.suit.geometry import extensor_extension, flexor_extension
 from bowden.models.suit.load_cell import CURRENT_NOISE, cell_reading
 from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_of
-from bowden.models.suit.suit_cable import Fabric, Pull, fabric_tension, give, pull_suit_cable, start_suit_cable
+from bowden.models.suit.suit_cable import TAUT, Fabric, Pull, fabric_tension, give, pull_suit_cable, start_suit_cable
 from bowden.plants.plant import sheath_path, sheath_state
 from bowden.plants.suit_parts import Suit, prepare_suit
-from bowden.plants.suit_plant import (
-    STOP_DAMPING,
-    STOP_STIFFNESS,
-    TAUT,
-    Bends,
-    SuitState,
-    suit_motor,
-    suit_start,
-    suit_step,
-)
+from bowden.plants.suit_plant import STOP_DAMPING, STOP_STIFFNESS, Bends, SuitState, suit_motor, suit_start, suit_step
 from bowden.plants.suit_push import friction_of
 from bowden.plants.suit_settings import SuitSettings
 from bowden.plants.worn_suit import elbow_dead_zone

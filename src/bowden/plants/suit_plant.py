@@ -28,7 +28,14 @@ from bowden.models.suit.arm import Arm, Wearer, gravity_torque, passive_torque, 
 from bowden.models.suit.flex_sensor import FlexSensor, FlexState, flex_start, flex_step
 from bowden.models.suit.load_cell import CURRENT_NOISE, LoadCell, cell_reading
 from bowden.models.suit.suit_angle import SpoolMap, flexor_arm, flexor_travel, motor_of, spool_of
-from bowden.models.suit.suit_cable import PreparedSuitCable, Pull, SuitCableMemory, pull_suit_cable, start_suit_cable
+from bowden.models.suit.suit_cable import (
+    TAUT,
+    PreparedSuitCable,
+    Pull,
+    SuitCableMemory,
+    pull_suit_cable,
+    start_suit_cable,
+)
 from bowden.plants.plant import Array, SheathState
 
 
@@ -82,8 +89,6 @@ class Bends(NamedTuple):
 
 STOP_STIFFNESS, STOP_DAMPING = 300.0, 5.0
 """Of the elbow's end stops [N·m/rad], [N·m·s/rad]; stated choices."""
-TAUT = 1.0
-"""Tension at which half of the flesh's damping acts [N]."""
 
 
 @kernel
