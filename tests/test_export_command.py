@@ -17,7 +17,7 @@ import bowden
 from bowden.app import main
 from bowden.control.conditioning import Conditioned
 from bowden.core.signals import EMERGENCY_STOP, DriveState
-from bowden.export.readme import FLAGS
+from bowden.export.files import FLAGS
 from bowden.hardware.ports import Power
 from bowden.operations.schema import json_schema
 from bowden.plants.counting import Counting

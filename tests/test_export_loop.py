@@ -14,7 +14,7 @@ import pytest
 import bowden
 from bowden.core.signals import DriveState, Reference
 from bowden.cycle.one_cycle import Cycle, Plan, TargetSource
-from bowden.export.readme import FLAGS
+from bowden.export.files import FLAGS
 from bowden.hardware.ports import Power
 from bowden.live.row import NOTHING_READ
 from bowden.models.drive.thermal import cold

@@ -96,6 +96,10 @@ def export(
             line.
         OutputError: a folder that cannot be written, or holds other things.
 
+    Examples:
+        bowden export rig.toml --law bowden --to firmware/law
+        bowden export rig.toml --to firmware/law --target cortex-m4f --emg
+
     >>> import tempfile
     >>> from bowden import Rig, export
     >>> found = export(Rig(duration=2.0), tempfile.mkdtemp(), "uncompensated")
@@ -108,8 +112,7 @@ def export(
     from bowden.core.files import output_folder, whole_files
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
-    from bowden.export.files import files
-    from bowden.export.readme import TARGETS, YOURS, pages
+    from bowden.export.files import TARGETS, YOURS, files, pages
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
     from bowden.rig.counts import Counts, counts_of, guessed
@@ -243,7 +246,7 @@ def _recording(rig: "Rig", law: "Law") -> str:
     import numpy as np
 
     from bowden.control import user_law
-    from bowden.export.readme import COLUMNS
+    from bowden.export.files import COLUMNS
     from bowden.sim.run import simulate
 
     duration = min(RECORDED, rig.duration)
@@ -266,14 +269,4 @@ def _recording(rig: "Rig", law: "Law") -> str:
     return "\n".join(lines) + "\n"
 
 
-OPERATIONS = (
-    Operation(
-        "export",
-        export,
-        (
-            "bowden export rig.toml --law bowden --to firmware/law",
-            "bowden export rig.toml --to firmware/law --target cortex-m4f --emg",
-        ),
-        place=120,
-    ),
-)
+OPERATIONS = (Operation("export", export, 120),)

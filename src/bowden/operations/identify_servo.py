@@ -91,6 +91,11 @@ def identify_servo(
         LogError: a log that cannot be used.
         ParameterError: a cycle that is not the rig's, or a rig that has several motors.
 
+    Examples:
+        bowden identify-servo step.csv
+        bowden identify-servo step.csv --into rig.toml
+        bowden identify-servo chirp.csv --command target --unit deg --json
+
     >>> import pathlib, tempfile
     >>> import numpy as np
     >>> from bowden import identify_servo
@@ -159,15 +164,4 @@ def _cycle_of(path: Path, given: float | None) -> "tuple[float, Encoders]":
     return own, rig.encoders
 
 
-OPERATIONS = (
-    Operation(
-        "identify-servo",
-        identify_servo,
-        (
-            "bowden identify-servo step.csv",
-            "bowden identify-servo step.csv --into rig.toml",
-            "bowden identify-servo chirp.csv --command target --unit deg --json",
-        ),
-        place=40,
-    ),
-)
+OPERATIONS = (Operation("identify-servo", identify_servo, 40),)
