@@ -52,8 +52,7 @@ def test_an_angle_that_comes_no_more_is_silent_and_one_that_never_came_is_not() 
 
 def shown_to(monkeypatch: pytest.MonkeyPatch, look: DriveLook) -> None:
     """Let the commands see this, without a drive."""
-    monkeypatch.setattr(drive, "_brought_up", lambda _: contextlib.nullcontext((None, "it")))
-    monkeypatch.setattr(drive, "_looked", lambda *_: iter([look]))
+    monkeypatch.setattr(drive, "_brought_up", lambda _: contextlib.nullcontext(("it", lambda _: iter([look]))))
 
 
 def test_a_drive_that_falls_silent_under_monitor_is_said(
@@ -198,8 +197,8 @@ def test_of_several_motors_the_next_command_and_the_lines_are_those_of_the_one(
     look = DriveLook()
     look.take(READING)
     shown_to(monkeypatch, look)
-    for command in ("monitor", "zero"):
-        said = command("drive", command, path, "--motor", "knee", "--channel", "can1").out
+    for name in ("monitor", "zero"):
+        said = command("drive", name, path, "--motor", "knee", "--channel", "can1").out
         assert f"Next: bowden confirm {path} --motor knee --channel can1" in said
     assert "below [motor.drive] of the motor knee" in said
 
