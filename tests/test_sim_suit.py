@@ -27,6 +27,7 @@ from bowden.models.suit.load_cell import CURRENT_NOISE, cell_reading
 from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_of
 from bowden.models.suit.suit_cable import Fabric, Pull, fabric_tension, give, pull_suit_cable, start_suit_cable
 from bowden.plants.plant import sheath_path, sheath_state
+from bowden.plants.pushing import friction_of
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import (
     STOP_DAMPING,
@@ -38,7 +39,6 @@ from bowden.plants.suit_plant import (
     suit_start,
     suit_step,
 )
-from bowden.plants.suit_push import friction_of
 from bowden.plants.suit_settings import SuitSettings
 from bowden.plants.worn_suit import elbow_dead_zone
 from bowden.records.trace import Trace

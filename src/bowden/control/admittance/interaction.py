@@ -36,7 +36,7 @@ from bowden.models.suit.suit_angle import SpoolMap, flexor_arm, flexor_travel
 
 
 class Chain(NamedTuple):
-    """Knowledge of motor and cables for the estimate; of a rig, as `bowden.plants.suit_push.chain_of` reads it."""
+    """Knowledge of motor and cables for the estimate; of a rig, as `bowden.plants.pushing.chain_of` reads it."""
 
     map: SpoolMap
     extensor_radius: float
