@@ -9,7 +9,7 @@ import pytest
 from bowden.app.main import run
 from bowden.core.errors import StreamError
 from bowden.hardware.emg.listener import Listener
-from bowden.hardware.emg.playback import Playback
+from bowden.hardware.emg.sources import Playback
 from bowden.hardware.ports import EmgChunk
 from bowden.identify.emg.levels import envelope_levels
 from bowden.identify.emg.log import read_emg
@@ -190,6 +190,13 @@ def test_of_several_channels_one_is_chosen(command: Command) -> None:
     assert "no channel 'deltoid' among 'biceps_mV', 'triceps_mV'" in command.refused(
         "emg", "score", recording, "--channel", "deltoid"
     )
+
+
+def test_a_column_of_text_is_no_channel() -> None:
+    """As Noraxon writes them: three lines above the names, marks of activities beside the channel."""
+    rows = "".join(f'{k / 1000:.3f},"{"Begin" * (k == 0)}",{value:.4f}\n' for k, value in enumerate(signal()))
+    Path("marked.csv").write_text('"record","0.0","1000"\n\n"time","Activity","BICEPS (uV)"\n' + rows)
+    assert read_emg(Path("marked.csv")).channel == "BICEPS (uV)"
 
 
 def test_rest_is_of_the_channel_of_the_contraction(command: Command) -> None:

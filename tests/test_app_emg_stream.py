@@ -18,9 +18,8 @@ import pytest
 
 from bowden.core.clock import SECOND
 from bowden.core.errors import LogError, StreamError
-from bowden.hardware.emg.listen import listen
 from bowden.hardware.emg.lsl_outlet import LslOutlet, replay
-from bowden.hardware.emg.sources import open_source
+from bowden.hardware.emg.sources import listen, open_source
 from bowden.hardware.ports import EmgChunk
 from bowden.operations.schema import json_schema
 from bowden.sensing import wearer_file

@@ -35,7 +35,7 @@ from bowden.live.ring import RecorderState
 from bowden.live.row import columns
 from bowden.live.screen import picture
 from bowden.live.session import automatic
-from bowden.live.stops import MotorFaults, split_root_causes
+from bowden.live.stops import Stop, split_root_causes
 from bowden.live.twin_process import PATIENCE, relax_twin_limits
 from bowden.models.drive.thermal import Thermal, cold
 from bowden.rig.rig import Rig
@@ -55,10 +55,10 @@ def row(**values: float) -> dict[str, float]:
     return {**dict.fromkeys(columns(LAWS["adaptive"]), 0.0), **values}
 
 
-def faults_of(row: dict[str, float], came: dict[Fault, float]) -> list[MotorFaults]:
+def faults_of(row: dict[str, float], came: dict[Fault, float]) -> list[Stop]:
     """The faults of a row as a session with one motor has them."""
     there = {fault: came.get(fault, row["time"]) for fault in of(row["faults"])}
-    return [MotorFaults("", *split_root_causes(there), there)] if there else []
+    return [Stop.of("", there)] if there else []
 
 
 @dataclass
@@ -101,7 +101,7 @@ class FakeSession:
     def judged(self, row: dict[str, float]) -> list[dict[str, float]]:
         return [row]
 
-    def faults(self, row: dict[str, float]) -> list[MotorFaults]:
+    def faults(self, row: dict[str, float]) -> list[Stop]:
         return faults_of(row, {})
 
     def remember(self, row: dict[str, float] | None) -> None:

@@ -1,5 +1,6 @@
 """Laws that hold of the drivers of all families, each against its twin on a bus in memory."""
 
+import copy
 import itertools
 import math
 from collections.abc import Mapping
@@ -493,14 +494,14 @@ def check_sent(name: str, identifier: int, data: bytes) -> None:
             assert abs(command.torque) <= 0.01
     elif name == "moteus":
         assert identifier == 0x2001 | moteus.REPLY_WANTED
-        for base, one in moteus.subframes(data):
-            if base == moteus.WRITE and isinstance(one, moteus.RegisterWritten):
-                target = one.value if one.register == moteus.Register.COMMAND_POSITION else 0.0
+        for one in moteus.subframes(data):
+            if one.head == moteus.WRITE:
+                target = one.value if one.at == moteus.Register.COMMAND_POSITION else 0.0
                 assert math.isnan(target) or abs(target) < 1e-6
     elif name == "odrive":
         assert identifier >> 5 == 1
         if identifier == identifier_of(1, Cmd.SET_INPUT_POS):
-            sent = odrive.unpack_target(data, odrive.Scales(1000.0, 1000.0))
+            sent = odrive.unpack_target(data, (1000.0, 1000.0))
             assert sent is not None
             assert abs(sent.position) <= 2.0 * odrive.MOST_TURNS
             assert abs(sent.velocity) <= 1e-3 + 15.0 * 5.0
@@ -614,6 +615,39 @@ def test_no_frame_raises_or_leads_to_an_unsafe_target(name: str, data: st.DataOb
 @settings(max_examples=1_000, deadline=None)
 def test_no_frame_of_100_000_raises_or_leads_to_an_unsafe_target(name: str, data: st.DataObject) -> None:
     attack(name, data.draw(st.lists(FRAMES[name], min_size=100, max_size=100)), *data.draw(WANTED))
+
+
+class Stalling(DriverLoop):
+    """A drive that does nothing for a while, and then answers all at once."""
+
+    stalls = False
+
+    def __init__(self, drive: Any) -> None:
+        self._kept: list[can.Message] = []
+        super().__init__(drive)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.stalls:
+            self._kept.append(copy.deepcopy(msg))  # which is filled anew for the next frame
+        else:
+            super().send(msg, timeout)
+
+    def wake(self) -> None:
+        self.stalls = False
+        for msg in self._kept:
+            super().send(msg)
+
+
+@EVERY
+@pytest.mark.parametrize("stall", [10, 40, 60])
+def test_a_drive_that_answers_late_and_all_at_once_is_not_another_masters(name: str, stall: int) -> None:
+    loop = Stalling(CASES[name].drive)
+    loop.drive.bring_up()
+    loop.run(20, Power.OFF)
+    loop.stalls = True
+    loop.run(stall, Power.OFF)
+    loop.wake()
+    assert sum(reading.foreign for reading in loop.run(100, Power.OFF)) == 0.0
 
 
 def test_replies_to_orders_that_were_not_ours_are_another_masters() -> None:

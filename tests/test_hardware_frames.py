@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.families.cia402 import FAMILY, DriveParameters, joint_scale, motor_scale
+from bowden.hardware.drives.families.cia402 import FAMILY, DriveParameters, joint_scale
+from bowden.hardware.drives.scale import motor_scale
 from bowden.rig.families import DriveNeeds
 
 I16, I32, U16 = st.integers(-(2**15), 2**15 - 1), st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**16 - 1)

@@ -22,8 +22,9 @@ from bowden.hardware.drives.families.dynamixel import FAMILY, MODELS, DynamixelP
 from bowden.hardware.drives.families.feetech import FeetechParameters
 from bowden.hardware.drives.findings import JOINT_SERVO
 from bowden.hardware.drives.on_can import require
-from bowden.hardware.drives.servo_table import ServoRegister, cycle_time
+from bowden.hardware.drives.servo_table import ADAPTER, ServoRegister, cycle_time
 from bowden.hardware.ports import Power
+from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 from support.memory_bus import DriverLoop, MemoryBus, asking, bench_at
 from support.played import Played
@@ -161,10 +162,39 @@ def test_the_angle_after_power_off_is_the_one_before(home: str) -> None:
     assert math.isclose(loop.run(9, Power.OFF)[-1].motor, before, abs_tol=0.02)
 
 
-def test_a_chain_is_slower_than_one_servo_and_quicker_at_more_bits_a_second() -> None:
-    for rate in (1_000_000, 3_000_000):
-        assert cycle_time([DRIVE._replace(bitrate=rate)] * 6) > cycle_time([DRIVE._replace(bitrate=rate)])
-    assert cycle_time([DRIVE] * 6) > cycle_time([DRIVE._replace(bitrate=3_000_000)] * 6)
+def on_one_line(drives: list[Any]) -> tuple[MemoryBus, list[Any]]:
+    """Servos and their drivers after cycles without power and with it; the frames of the last one still wait."""
+    bus, family = MemoryBus(), family_of(drives[0])
+    for drive in drives:
+        bus.attach(family.node()(drive, bench_at(bus.time), bus.put, bus.note))
+    links = Links(bus)
+    opened = [family.open(drive, links) for drive in drives]
+    for one in opened:
+        one.bring_up()
+    for power in [Power.OFF] * 9 + [Power.ON] * 20:
+        bus.advance(5e-3)
+        bus.sent.clear()
+        angles = [one.read(bus.time).motor for one in opened]
+        for one, angle in zip(opened, angles, strict=True):
+            one.write(angle, power, bus.time)
+    return bus, opened
+
+
+@pytest.mark.parametrize(
+    ("drive", "bitrate"),
+    [(DRIVE, 1_000_000), (DRIVE, 3_000_000), (FEETECH_DRIVE, 1_000_000)],
+    ids=["1 Mbit/s", "3 Mbit/s", "Feetech"],
+)
+def test_six_servos_take_the_time_that_is_said(drive: Any, bitrate: int) -> None:
+    """The bytes that go over the line in a cycle, ten bits each."""
+    packets = drive.table.packets
+    chain = [drive._replace(node_id=n, joint="none", bitrate=bitrate) for n in range(1, 7)]
+    bus, _ = on_one_line(chain)
+    said = [(one.arbitration_id, bytes(one.data)) for one in bus.drain()]
+    assert len(said) == len(chain)
+    told = [fast_answer(said)] if packets.fast else [packets.pack(*one) for one in said]
+    count = sum(map(len, (*told, *(packets.pack(number, data) for _, number, data in bus.sent))))
+    assert cycle_time(chain) == pytest.approx(10.0 * count / bitrate + ADAPTER, rel=0.01)
 
 
 def test_a_range_of_more_than_a_turn_needs_a_hint() -> None:
@@ -172,20 +202,7 @@ def test_a_range_of_more_than_a_turn_needs_a_hint() -> None:
 
 
 def test_two_motors_on_a_line_share_one_write_and_one_question() -> None:
-    bus = MemoryBus()
-    drives = [DRIVE, DRIVE._replace(node_id=3, joint="none")]
-    for drive in drives:
-        bus.attach(FAMILY.node()(drive, bench_at(bus.time), bus.put, bus.note))
-    links = Links(bus)
-    both = [FAMILY.open(drive, links) for drive in drives]
-    for one in both:
-        one.bring_up()
-    for power in [Power.OFF] * 9 + [Power.ON] * 20:
-        bus.sent.clear()
-        angles = [one.read(bus.time).motor for one in both]
-        for one, angle in zip(both, angles, strict=True):
-            one.write(angle, power, bus.time)
-        bus.advance(5e-3)
+    bus, both = on_one_line([DRIVE, DRIVE._replace(node_id=3, joint="none")])
     goals, question = (data for _, _, data in bus.sent)
     assert goals == DYNAMIXEL.sync_write(116, 4) + goals[5:]
     assert (goals[5], goals[10]) == (1, 3)

@@ -11,9 +11,9 @@ from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import NOTHING_OBSERVED
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, motor_scale
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale
 from bowden.hardware.drives.on_can import zeroed
-from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.drives.scale import Scale, SuitScale, motor_scale
 from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.canopen_node import RATED_CURRENT
 from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF

@@ -14,7 +14,7 @@ from bowden.core.kernel import kernel
 from bowden.core.signals import DriveState, Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, TargetSource
-from bowden.hardware.drives.families.cia402 import motor_scale
+from bowden.hardware.drives.scale import motor_scale
 from bowden.hardware.twin.bench import SharedJoint, TwinBench
 from bowden.hardware.twin.of_rig import mirrored, played
 from bowden.live.live_run import live_run, with_co_contraction

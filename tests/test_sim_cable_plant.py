@@ -131,6 +131,19 @@ def test_a_cycle_is_its_parts(cable: str, servo: Servo, monkeypatch: pytest.Monk
     assert turned > 10
 
 
+@pytest.mark.parametrize("plant", [Bench(), Bench(cables.play())], ids=["bench", "cable"])
+def test_no_command_moves_a_motor_faster_or_harder_than_it_may(plant: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    run, sheath = plant._replace(servo=Servo(54.4, 0.8, 1.0, 200.0)).dynamics(), SheathState(1.0, 1.0, 1.0)
+    for name, part in run.parts.items():
+        monkeypatch.setattr(bench_body, name, part)
+    for offset, speed in np.random.default_rng(5).uniform(-1.0, 1.0, (200, 2)).tolist():
+        body = run.rest(run.plant, 0.1, sheath)
+        body = body._replace(motor=body.motor._replace(velocity=speed))
+        motor = run.advance(run.plant, body, 0.1 + offset, sheath, sheath).motor
+        assert abs(motor.velocity) <= 1.0 + 1e-9
+        assert abs(motor.velocity - speed) <= 200.0 * plant.sample_time + 1e-9
+
+
 @pytest.mark.parametrize("plant", [Bench(cable=BoucWen(slope=0.8)), Bench(cables.play(Play(0.8)))])
 def test_the_current_is_what_spool_and_spring_need_through_the_slope_that_is_left(
     plant: Any, monkeypatch: pytest.MonkeyPatch

@@ -27,11 +27,12 @@ from bowden.design.check_result import (
     swing_of,
 )
 from bowden.design.limit_cycle import LimitCycle, describing_function, predict
-from bowden.design.linear_plant import linear_plant
+from bowden.design.linear_plant import laws_seen, linear_plant
 from bowden.design.linearise import LawModel, find_estimates, linearise
 from bowden.design.trial import MOVING, Trial, run_trial, settled_after
+from bowden.plants.estimated import Estimated
 from bowden.plants.plant import Plant, changed
-from bowden.plants.transmission import transmission
+from bowden.plants.transmission import transmission, unrest
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -136,7 +137,9 @@ class _OneMotor:
         return describing_function(self.plants[0], bends[0], self.stroke)
 
     def dead_zone(self, bends: Bends) -> float:
-        return transmission(self.plants[0], bends[0], self.stroke).dead_zone
+        plant = self.plants[0]
+        wander = unrest(plant, bends[0], self.stroke, 0.0).span if isinstance(plant, Estimated) else 0.0
+        return transmission(plant, bends[0], self.stroke).dead_zone + wander
 
     def most_apart(self) -> float:
         return math.inf
@@ -398,7 +401,8 @@ def _predicted_cycle(subject: Subject, ends: Sequence[Bends], estimates: Sequenc
         for values in (estimates[0], estimates[-1]):
             for plant, law, own in zip(subject.plants, subject.laws, values, strict=True):
                 model = linearise(law, dt, width=width, estimates=own)
-                cycles.append(predict(gains, plant.servo, plant.delay, model, dt, amplitudes))
+                for seen in laws_seen(plant, model):
+                    cycles.append(predict(gains, plant.servo, plant.delay, seen, dt, amplitudes))
     return max((cycle for cycle in cycles if cycle), key=lambda cycle: cycle.amplitude, default=None)
 
 

@@ -22,6 +22,7 @@ from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepare
 from bowden.models.cable.sheath import slope_factor, width
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
+from bowden.plants.estimated import measured_plant
 from bowden.plants.plant import Plant
 from bowden.plants.transmission import measured_response
 
@@ -76,6 +77,7 @@ def describing_function(
         stroke: of the joint [rad].
         amplitudes: `AMPLITUDES`, or `MEASURED`, where they are not given.
     """
+    plant = measured_plant(plant)
     if not (isinstance(plant, Bench) and isinstance(plant.cable, BoucWen)):
         amplitudes = MEASURED if amplitudes is None else amplitudes
         return amplitudes, measured_response(plant, bend, stroke, amplitudes)

@@ -8,18 +8,22 @@ the extensor taut and slack.
 import itertools
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.stability import Margins, StateSpace, frequencies, margins, response, servo_model, servo_response
 from bowden.core.units import DEGREES
+from bowden.design.estimate_model import behind_estimate
 from bowden.design.linearise import LawModel
 from bowden.models.cable.sheath import slope_factor
 from bowden.models.drive.servo import Servo
+from bowden.plants.estimated import Estimated, measured_plant
 from bowden.plants.plant import Plant
+from bowden.plants.settled_estimate import settled_estimate
 from bowden.plants.suit_linear import linear_suit, without_friction
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import transmission
@@ -49,31 +53,41 @@ class OperatingPoint(NamedTuple):
 
 
 class LinearPlant(NamedTuple):
-    """A plant's linear loops, one for each place."""
+    """A plant's linear loops: one for each point, and behind an estimate of the joint once for each of its gains."""
 
     plant: Plant
-    places: tuple[OperatingPoint, ...]
-    """In the order in which `margins` has them."""
+    points: tuple[OperatingPoint, ...]
+
+    @property
+    def places(self) -> tuple[OperatingPoint, ...]:
+        """In the order in which `margins` has them."""
+        return self.points * len(_gains(self.plant)) if isinstance(self.plant, Estimated) else self.points
 
     @property
     def leaves_out(self) -> str:
         """What the linear loops leave to the trials, where so much that they alone decide; else empty."""
-        return OF_A_SUIT if isinstance(self.plant, Suit) else ""
+        return OF_A_SUIT if isinstance(measured_plant(self.plant), Suit) else ""
 
     @property
-    def alone(self) -> Suit | None:
+    def alone(self) -> Plant | None:
         """A plant without all that, whose trial confirms or refutes a linear loop; None where nothing is left out."""
-        return without_friction(self.plant) if isinstance(self.plant, Suit) else None
+        measured = measured_plant(self.plant)
+        if not isinstance(measured, Suit):
+            return None
+        alone = without_friction(measured)
+        return cast(Plant, replace(self.plant, inner=alone)) if isinstance(self.plant, Estimated) else alone
 
     def margins(self, law: LawModel) -> Iterator[Margins]:
         """Of the loop at each place."""
-        if isinstance(self.plant, Suit):
-            yield from _on_arms(self.plant, self.places, law)
-            return
-        servo, dt, delay = self.plant.servo, self.plant.sample_time, self.plant.delay
-        plant, answer = servo_model(servo, dt, delay, 1.0), _servo(servo, dt, delay)
-        for place in self.places:
-            yield margins(plant, law.seen_through(place.slope), dt, answer)
+        measured = measured_plant(self.plant)
+        for seen in laws_seen(self.plant, law):
+            if isinstance(measured, Suit):
+                yield from _on_arms(measured, self.points, seen)
+                continue
+            servo, dt, delay = measured.servo, measured.sample_time, measured.delay
+            plant, answer = servo_model(servo, dt, delay, 1.0), _servo(servo, dt, delay)
+            for point in self.points:
+                yield margins(plant, seen.seen_through(point.slope), dt, answer)
 
 
 def _on_arms(suit: Suit, places: Iterable[OperatingPoint], law: LawModel) -> Iterator[Margins]:
@@ -95,6 +109,17 @@ _CLOSED = StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 1.0)
 """What closes a loop that has the law in it."""
 
 
+def laws_seen(plant: Plant, law: LawModel) -> list[LawModel]:
+    """A law near rest from the true joint on: as it is, or behind the estimate of the joint's angle."""
+    if not isinstance(plant, Estimated):
+        return [law]
+    return [behind_estimate(law, plant.model, gains, plant.sample_time) for gains in _gains(plant)]
+
+
+def _gains(plant: Estimated) -> tuple[tuple[float, float], ...]:
+    return settled_estimate(plant.model, plant.sample_time).gains
+
+
 def linear_plant(
     plant: Plant, bends: Iterable[float], stroke: tuple[float, float], *, reversals: bool = True
 ) -> LinearPlant:
@@ -111,6 +136,8 @@ def linear_plant(
         ParameterError: a plant that does not follow its motor.
     """
     ends = tuple(dict.fromkeys(bends))
+    if isinstance(plant, Estimated):
+        return LinearPlant(plant, linear_plant(plant.inner, ends, stroke, reversals=reversals).points)
     if isinstance(plant, Suit):
         low, high = stroke
         corners = itertools.product(ends, (low, 0.5 * (low + high), high), (True, False))

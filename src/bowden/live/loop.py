@@ -338,10 +338,10 @@ class Loop:
         modes = [motor.mode for motor in motors]
         asked = together.asked(request, modes, [motor.verdict.faults for motor in motors])
         shown = together.shown([motor.cycle.latched for motor in motors])
-        if Mode.RUNNING in modes and not self._running:
+        if Mode.RUNNING in modes and not (self._running or self._independent):
             longest = max(motor.script.approach(motor.target) for motor in motors)
             for motor in motors:
-                motor.script.least = 0.0 if self._independent else longest
+                motor.script.least = longest
         self._running = Mode.RUNNING in modes
         for motor in motors:
             motor.plan(woke, cycles)

@@ -148,8 +148,7 @@ def _from_stream(
 ) -> "tuple[MuscleCalibration, float, list[str]]":
     """The wearer, how much was left out [s], and what is said of that."""
     from bowden.design.contractions import note_left_out
-    from bowden.hardware.emg.listen import listen
-    from bowden.hardware.emg.sources import open_source
+    from bowden.hardware.emg.sources import listen, open_source
     from bowden.identify.emg.levels import check_contraction, envelope_levels
     from bowden.operations.support.given import check_number
     from bowden.sensing.wearer_file import MuscleCalibration

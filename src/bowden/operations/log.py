@@ -131,7 +131,7 @@ def log_recover(
         bowden log recover run.mcap --out saved.mcap
         bowden log recover run.mcap run-again1.mcap
     """
-    from bowden.live.mcap_recover import recover as save
+    from bowden.live.mcap_read import recover as save
 
     target = out or file.with_name(f"{file.stem}.recovered.mcap")
     saved = save(file, target, more or ())

@@ -13,8 +13,7 @@ from bowden.records.run_figures import Metrics
 if TYPE_CHECKING:
     from bowden.control import Law
     from bowden.design.verdict import CheckVerdict
-    from bowden.records.trace import Trace
-    from bowden.records.traces import Traces
+    from bowden.records.trace import Trace, Traces
     from bowden.rig.joints import RigJoint
     from bowden.rig.rig import Rig
 
@@ -104,7 +103,7 @@ class Simulation(Result[Any]):
     @property
     def value(self) -> "Trace | Traces":
         """The trace; of a list of laws all of them; of several motors by motor, or ``law-motor`` of a list."""
-        from bowden.records.traces import Traces
+        from bowden.records.trace import Traces
 
         first, *others = self.joints
         if not others and not first.joint.shared:
@@ -203,7 +202,7 @@ def _of_joint(
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
     from bowden.operations.support import given
-    from bowden.records.traces import Traces
+    from bowden.records.trace import Traces
     from bowden.sim.rig_runs import laws_of, run_of_joint
 
     setup, laws = joint.first.offline(whole=entire), [laws_of(one) for one in under]

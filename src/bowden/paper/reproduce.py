@@ -4,13 +4,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from bowden.paper import (
-    errata_cable,
-    errata_chirp,
-    errata_law,
+    errata,
     fig04_spools,
     fig06_suit,
-    fig09_uncompensated,
-    fig12_observer,
+    fig09_fig12,
     fig13_adaptive,
     fig15_moved,
     fig16_bandwidth,
@@ -26,8 +23,8 @@ from bowden.records.trace import Trace
 
 EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
     "fig4": (fig04_spools.run, ("fig4.", "erratum.spools.")),
-    "fig9": (fig09_uncompensated.run, ("fig9.",)),
-    "fig12": (fig12_observer.run, ("table1.observer.constant",)),
+    "fig9": (fig09_fig12.fig09, ("fig9.",)),
+    "fig12": (fig09_fig12.fig12, ("table1.observer.constant",)),
     "fig13": (
         fig13_adaptive.run,
         ("table1.adaptive.constant", "fig14.", "erratum.convergence.", "erratum.gains.static"),
@@ -37,12 +34,12 @@ EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
     "fig6": (fig06_suit.run, ("fig6.",)),
     "fig17": (fig17_energy.run, ("fig17.",)),
     "fig19": (fig18_clinic.run, ("fig19.",)),
-    "errata_cable": (errata_cable.run, ("erratum.units", "erratum.monotone.", "erratum.gap")),
+    "errata_cable": (errata.cable_errata, ("erratum.units", "erratum.monotone.", "erratum.gap")),
     "errata_law": (
-        errata_law.run,
+        errata.law_errata,
         ("erratum.eq14.", "erratum.gains.pole", "erratum.gains.fastest", "erratum.lyapunov", "erratum.rmse"),
     ),
-    "errata_chirp": (errata_chirp.run, ("erratum.chirp",)),
+    "errata_chirp": (errata.chirp_errata, ("erratum.chirp",)),
 }
 """Name → experiment, and the beginnings of the claims that it computes, in the order of the report."""
 

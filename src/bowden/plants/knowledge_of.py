@@ -6,6 +6,7 @@ from bowden.control.knowledge import Knowledge, with_cable
 from bowden.core.errors import ParameterError
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.bench import Bench
+from bowden.plants.estimated import measured_plant
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
@@ -25,6 +26,7 @@ def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
         plant: the model of it.
         identified: whether a bench's cable is from a log, and not written by hand.
     """
+    plant = measured_plant(plant)
     joint, motor = plant.joint_encoder, getattr(plant, "motor_encoder", None)
     known = Knowledge(
         servo_frequency=plant.servo.natural_frequency,

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.units import DEGREES
-from bowden.drawing.motion_plot import draw_motion
-from bowden.drawing.style import COLOURS, dashes_for, legend, legend_height, new_figure, stay_near, thin
+from bowden.drawing.style import COLOURS, dashes_for, draw_motion, legend, legend_height, new_figure, stay_near, thin
 from bowden.records.trace import Trace
 
 if TYPE_CHECKING:

@@ -22,10 +22,10 @@ from bowden.hardware.drives.checklist import DriveLimit, Found, joined, refuse_t
 from bowden.hardware.drives.cia402 import CYCLIC_SYNCHRONOUS_POSITION, WITH_TORQUE, Controlword, controlword, decode
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, SAFE_TORQUE_OFF, emergency_text
-from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, load_of, motor_scale
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, load_of
 from bowden.hardware.drives.findings import UNWATCHED, WATCH_EVERY
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import Scale, SuitScale, bounded_torque, motor_limits
+from bowden.hardware.drives.scale import Scale, SuitScale, bounded_torque, motor_limits, motor_scale
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.rig.families import FoundDevice
 
@@ -59,7 +59,7 @@ def check_alone(node: Dialogue, drive: DriveParameters) -> None:
     Raises:
         DriveError: one has.
     """
-    cob_id = node.bus.foreign
+    cob_id = node.foreign
     if cob_id is not None:
         who = (
             f"a node {drive.host_id}, which is the number of this computer,"
@@ -382,7 +382,7 @@ def probe(drive: DriveParameters, links: Links) -> list[FoundDevice]:
     """
     with joined(place(drive), drive.node_id, links) as port:
         node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
-        node.waits(LISTENING, lambda: node.bus.foreign is not None)
+        node.waits(LISTENING, lambda: node.foreign is not None)
         check_alone(node, drive)
         found = []
         for number in sorted([drive.node_id] * node.answers() + node.others()):
@@ -439,7 +439,7 @@ class CanopenDrive(Driver):
     def _find(self, port: BusPort) -> Found:
         drive = self._drive
         node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
-        node.waits(LISTENING, lambda: node.bus.foreign is not None)
+        node.waits(LISTENING, lambda: node.foreign is not None)
         check_alone(node, drive)
         node.booted = False  # one that has just been switched on
         if not node.answers():  # an end of ours has stopped it: only then may it be written to before it is known

@@ -58,6 +58,7 @@ class Conversation:
         port: of its bus, while no cycle runs.
         node: the drive's number.
         is_foreign: whether a frame is one that only this host may send, or an answer to somebody else.
+        timeout: how long an answer may take [s].
         others: programs that may be another master.
         clock: to wait by.
     """
@@ -67,11 +68,13 @@ class Conversation:
         port: BusPort,
         node: int,
         is_foreign: Callable[[int, bytes], bool],
+        timeout: float = math.nan,
         others: str = "the other program",
         clock: TimeSource | None = None,
     ) -> None:
         self._clock = MonotonicClock() if clock is None else clock
-        self.port, self.name, self._is_foreign, self._others = port, f"node {node}", is_foreign, others
+        self.port, self.number, self.name, self._timeout = port, node, f"node {node}", timeout
+        self._is_foreign, self._others = is_foreign, others
         self.foreign: int | None = None
         """Identifier of the first frame that nobody but this host may send; None where none has come."""
 
@@ -117,13 +120,11 @@ class Conversation:
                 return said
         return None
 
-    def ask(
-        self, question: Frame, span: float, matches: Callable[[int, bytes], Said | None], tries: int = TRIES
-    ) -> Said | None:
-        """The answer to a question, which is asked again where none comes within a `span` [s]; None of none."""
+    def ask(self, question: Frame, matches: Callable[[int, bytes], Said | None], tries: int = TRIES) -> Said | None:
+        """The answer to a question, which is asked again where none comes in time; None of none."""
         for _ in range(tries):
             self.port.send_now(*question)
-            said = self.wait(span, matches)
+            said = self.wait(self._timeout, matches)
             if said is not None:
                 return said
         return None

@@ -79,6 +79,9 @@ LOST = 0.1
 """Silence of a drive after which it may have started again, with other limits and another position [s]."""
 SETTLED = 10
 """Orders to follow the target, in a row, after which a drive is expected to do it, and every answer is to one."""
+MOST_UNANSWERED = 16
+"""Orders whose answers are waited for at most, but for those of a stall that goes on or has just ended: a drive, or a
+computer that plays one, answers them all at once then. What is older than these is lost."""
 CLOSING_CYCLES = 20
 """How often the power is told to go off at the end, `CLOSING_WAIT` apart, while the drive has not said that it is."""
 CLOSING_WAIT = 2e-3
@@ -216,6 +219,7 @@ class Driver(ABC):
         self._lost = False  # it may have started again
         self._reset = False  # an operator's word for the fault
         self._led = 0  # orders to follow the target, in a row
+        self._unanswered, self._most_unanswered = 0, float(MOST_UNANSWERED)
         self._target = self._written = math.nan  # of the cycle before [rad], [s]
         self._count = TurnCount(self.turn, math.inf if found is None else found.limits.speed)
         needs, least = self._drive.needs, 0.0 if found is None else self._least_current(found)
@@ -276,6 +280,18 @@ class Driver(ABC):
         self._lost = self._lost or now - self._readings.replied_at > LOST
         if self._lost:
             self._readings.motor = math.nan
+
+    def _ordered(self) -> None:
+        """An order has gone out that the drive answers; see `_answered`."""
+        age = self._readings.motor_age
+        most = MOST_UNANSWERED + (age if math.isfinite(age) else 0.0)
+        self._most_unanswered = max(self._most_unanswered - 1.0, most)
+        self._unanswered = min(int(self._most_unanswered), self._unanswered + 1)
+
+    def _answered(self) -> None:
+        """The drive has answered an order: somebody else's where none of ours is open."""
+        self._readings.foreign += float(self._unanswered == 0)
+        self._unanswered = max(0, self._unanswered - 1)
 
     def _update_state(self, state: DriveState) -> None:
         """Where the drive is in this cycle."""

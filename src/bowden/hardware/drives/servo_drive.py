@@ -29,8 +29,8 @@ from bowden.hardware.drives.checklist import (
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.findings import JOINT_SERVO, UNWATCHED
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, counts_at_home, motor_limits
-from bowden.hardware.drives.servo_table import BlockReader, ServoSample, error_of, joint_scale, motor_scale
+from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, found_scale, motor_limits
+from bowden.hardware.drives.servo_table import BlockReader, ServoSample, error_of, joint_scale
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -38,13 +38,11 @@ LISTENING = 0.3
 """So long the line is listened to before anything is said on it [s]."""
 STILL = 8
 """Counts within which a motor stands still between two readings, of 4096 a turn."""
-MOST_UNANSWERED = 16
-"""Questions that are waited for at most; what is older than these is lost."""
 BETWEEN, PING_BITS = 4e-3, 240
 """For an answer of one who may be there, when all are looked for [s], and the bits of a question and its answer."""
 
 
-class ServoDialogue:
+class ServoDialogue(Conversation):
     """Questions and answers with one servo.
 
     Args:
@@ -54,10 +52,8 @@ class ServoDialogue:
     """
 
     def __init__(self, port: BusPort, drive: Any, number: int) -> None:
-        self._drive, self.number, self.table = drive, number, drive.table
-        self.bus = Conversation(port, number, lambda identifier, data: is_foreign(number, identifier, data))
-        self.name = f"servo {number}"
-        self.bus.name = self.name
+        super().__init__(port, number, lambda *frame: is_foreign(number, *frame), drive.answer_timeout)
+        self._drive, self.table, self.name = drive, drive.table, f"servo {number}"
 
     def _ask(self, data: bytes, length: int, to: int | None = None) -> bytes | None:
         """What follows the error in the servo's answer, of so many bytes, to a question to it or to a number."""
@@ -66,8 +62,7 @@ class ServoDialogue:
             fine = identifier == self.number and said[0] == STATUS and len(said) == 2 + length
             return said[2:] if fine else None
 
-        question = self.number if to is None else to, data
-        return self.bus.ask(question, self._drive.answer_timeout, answered)
+        return self.ask((self.number if to is None else to, data), answered)
 
     def find(self) -> int:
         """Its model's number.
@@ -75,8 +70,8 @@ class ServoDialogue:
         Raises:
             DriveError: nobody answers, or more than one does.
         """
-        self.bus.check_alone()
-        port, answers = self.bus.port, 0
+        self.check_alone()
+        port, answers = self.port, 0
 
         def counted(identifier: int, said: bytes) -> None:
             nonlocal answers
@@ -85,7 +80,7 @@ class ServoDialogue:
         for _ in range(TRIES):
             garbled = port.errors
             port.send_now(self.number, bytes((Instruction.PING,)))
-            self.bus.wait(self._drive.answer_timeout, counted)
+            self.wait(self._timeout, counted)
             if answers:
                 break
         if answers > 1:
@@ -133,7 +128,7 @@ class ServoDialogue:
         """
         register = self.table.registers[name]
         head = self.table.packets.sync_write(register.address, register.size)  # to which nobody answers
-        self.bus.port.send_now(ALL, head + bytes((self.number,)) + register.encode(value))
+        self.port.send_now(ALL, head + bytes((self.number,)) + register.encode(value))
         found = self.get(name)
         if found != value:
             raise DriveError(
@@ -169,7 +164,7 @@ class ServoDialogue:
             raise refuse_torque(self.name, "torque: Torque Enable is 1", do)
         if table.indirect is not None:
             shown = table.indirection()
-            self.bus.port.send_now(
+            self.port.send_now(
                 ALL, table.packets.sync_write(table.indirect[0], len(shown)) + bytes((self.number,)) + shown
             )
             if self._ask(table.packets.read(table.indirect[0], len(shown)), len(shown)) != shown:
@@ -220,7 +215,7 @@ class ServoDrive(Driver):
     def _find(self, port: BusPort) -> Found:
         drive, table = self._drive, self._drive.table
         servo = ServoDialogue(port, drive, drive.node_id)
-        servo.bus.listen(LISTENING)
+        servo.listen(LISTENING)
         first = servo.prepare()
         check_settings(servo.name, servo.get, drive.setup.motor)
         for name, value in (
@@ -240,10 +235,10 @@ class ServoDrive(Driver):
                 expected="a motor that stands still",
                 do="hold it, and check what pulls at it",
             )
-        scale = motor_scale(drive, counts_at_home(drive, last.position, self.turn, motor_scale(drive)))
+        scale = found_scale(drive, last.position, self.turn)
         limits = motor_limits(drive, scale)
         self._check_limits(servo, scale, limits)
-        servo.bus.check_alone()
+        servo.check_alone()
         error = error_of(last)
         who = f"{drive.model} at {servo.name}, firmware {firmware}"
         if error:
@@ -295,7 +290,7 @@ class ServoDrive(Driver):
         return float(self._drive.table.current_step)
 
     def _begin(self, found: Found | None) -> None:
-        self._unanswered = self._primed = 0
+        self._primed = 0
         self._torque, self._position = False, 0
 
     def _take(self, identifier: int, data: bytes, now: float) -> bool:
@@ -313,9 +308,7 @@ class ServoDrive(Driver):
 
     def _take_motor(self, sample: ServoSample, now: float) -> None:
         drive, readings, found = self._drive, self._readings, self._found
-        if self._unanswered == 0:
-            readings.foreign += 1.0  # it answers somebody else
-        self._unanswered = max(0, self._unanswered - 1)
+        self._answered()
         readings.replied_at = now
         self._torque, self._position = bool(sample.torque), sample.position
         if self._lost or found is None:
@@ -381,7 +374,7 @@ class ServoDrive(Driver):
 
     def _gather(self, *writes: tuple[bytes, bytes]) -> None:
         """What this driver writes in this cycle, and whom it asks."""
-        self._unanswered = min(MOST_UNANSWERED, self._unanswered + 1)
+        self._ordered()
         if self._port is not None:
             self._port.gather(ALL, writes, (self._question(), bytes(self._numbers)))
 

@@ -12,7 +12,7 @@ from bowden.core.quantity import Quantity
 from bowden.hardware.buses.packets import PROTOCOLS, STATUS, Packets, fast_answer
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.checklist import Setting, is_about
-from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
+from bowden.hardware.drives.scale import Scale, motor_scale
 from bowden.rig.families import DriveFamily
 
 ADAPTER = 1e-3
@@ -206,10 +206,10 @@ def cycle_time(drives: Sequence[Any]) -> float:
     return 10.0 * sent / first.bitrate + delays + ADAPTER
 
 
-def motor_scale(drive: Any, counts_at_home: float = 0.0) -> Scale | SuitScale:
-    """The servo's counts to the spool's angle, or, on a suit, to the motor's in the joint's coordinate."""
-    step = drive.motor_direction * 2.0 * math.pi / (drive.table.turn * drive.needs.gear)
-    return spool_scale(step, drive.motor_home, counts_at_home, drive.needs.spool)
+def motor_step(drive: Any) -> float:
+    """Of a count of a servo, see `scale.motor_scale` [rad]."""
+    step: float = drive.motor_direction * 2.0 * math.pi / (drive.table.turn * drive.needs.gear)
+    return step
 
 
 def joint_scale(drive: Any) -> Scale:

@@ -14,10 +14,9 @@ from typing import Any, ClassVar, NamedTuple
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale, motor_scale
+from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale
 from bowden.hardware.drives.moteus_drive import HOMED, state_of
 from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
-from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import SUPPLY, TwinNode
@@ -111,6 +110,10 @@ for a rig (mjbots/moteus, docs/reference/configuration.md).
 """
 
 
+def _read_error(register: int, error: int) -> bytes:
+    return bytes((frames.READ_ERROR,)) + frames.varuint(register) + bytes((error,))
+
+
 class Sampled(NamedTuple):
     """Readings of the board's sensors."""
 
@@ -135,11 +138,10 @@ class MoteusNode(TwinNode):
         "joint_silence": "the joint's encoder hangs on the board: inject encoder_frozen joint, or encoder_nan joint",
     }
 
-    def _prepare(self) -> Scale | SuitScale:
+    def _prepare(self) -> None:
         self._joint, self.turn = joint_scale(self._drive), self._drive.output_ratio
         self.commands = 0
         """Frames that were for this board."""
-        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         self.mode, self.fault = BoardMode.STOPPED, 0
@@ -197,49 +199,48 @@ class MoteusNode(TwinNode):
     def _obey(self, data: bytes, now: float, *, answers: bool) -> bytes:
         """Take a frame's subframes in their order; the reply to them, as long as there is room for the next one."""
         reply = bytearray()
-        for _, one in frames.subframes(data):
+        for one in frames.subframes(data):
             if answers and LARGEST_REPLY - len(reply) < RESERVE:
                 break
-            if isinstance(one, frames.RegisterWritten):
-                error = self._write(one.register, one.value)
+            if one.head == frames.WRITE:
+                error = self._write(one.at, one.value)
                 if error and answers:
-                    reply += bytes((frames.WRITE_ERROR,)) + frames.varuint(one.register) + bytes((error,))
-            elif isinstance(one, frames.RegistersAsked) and answers:
+                    reply += bytes((frames.WRITE_ERROR,)) + frames.varuint(one.at) + bytes((error,))
+            elif one.head == frames.READ and answers:
                 found = self._answer(one, LARGEST_REPLY - len(reply), now)
-                if isinstance(found, frames.Failed):
-                    reply += bytes((frames.READ_ERROR,)) + frames.varuint(found.register) + bytes((found.error,))
-                    break  # the rest of a frame with such an error is not looked at
                 reply += found
-            elif isinstance(one, frames.ConsoleBytes) and not self._talk(one, reply, answers=answers):
+                if found[0] == frames.READ_ERROR:
+                    break  # the rest of a frame with such an error is not looked at
+            elif one.head >= frames.TO_DRIVE and not self._talk(one, reply, answers=answers):
                 break
         return bytes(reply)
 
-    def _talk(self, one: frames.ConsoleBytes, reply: bytearray, *, answers: bool) -> bool:
+    def _talk(self, one: frames.Subframe, reply: bytearray, *, answers: bool) -> bool:
         """The diagnostic channel; whether there is such a one."""
-        if one.channel != frames.CHANNEL or one.kind == frames.FROM_DRIVE:
+        if one.at != frames.CHANNEL or one.head == frames.FROM_DRIVE:
             return False
-        if one.kind == frames.TO_DRIVE:
+        if one.head == frames.TO_DRIVE:
             self.console.take(one.data)
         if answers:
             room = LARGEST_REPLY - len(reply) - RESERVE
-            said = self.console.give(max(0, min(room, one.most if one.kind == frames.POLL else room)))
+            said = self.console.give(max(0, min(room, int(one.value) if one.head == frames.POLL else room)))
             reply += bytes((frames.FROM_DRIVE, frames.CHANNEL)) + frames.varuint(len(said)) + said
         return True
 
-    def _answer(self, asked: frames.RegistersAsked, room: int, now: float) -> bytes | frames.Failed:
+    def _answer(self, asked: frames.Subframe, room: int, now: float) -> bytes:
         """The reply to a question for registers, in the type asked for, or which of them there is not."""
         size = (1, 2, 4, 4)[asked.kind]
-        head = frames.subframe(frames.REPLY, asked.kind, asked.register, asked.amount)
+        head = frames.subframe(frames.REPLY, asked.kind, asked.at, asked.amount)
         if asked.counted:
             head = bytes((frames.REPLY | asked.kind << 2,)) + frames.varuint(asked.amount)
-            head += frames.varuint(asked.register)
+            head += frames.varuint(asked.at)
         if len(head) + asked.amount * size > room:
-            return frames.Failed(asked.register, frames.NOT_WRITEABLE)
+            return _read_error(asked.at, frames.NOT_WRITEABLE)
         found = b""
-        for register in range(asked.register, asked.register + asked.amount):
+        for register in range(asked.at, asked.at + asked.amount):
             value = self._read(register, asked.kind, now)
             if value is None:
-                return frames.Failed(register, frames.UNKNOWN_REGISTER)
+                return _read_error(register, frames.UNKNOWN_REGISTER)
             found += frames.values(0, asked.kind, register, value)[1 + len(frames.varuint(register)) :]
         return head + found
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.place import ERROR
 from bowden.hardware.drives.joint_encoder import has_encoder
-from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.drives.scale import Scale, motor_scale
 from bowden.hardware.twin.faults import BIT_ERROR, Faults, Outbox, Send
 from bowden.hardware.twin.injection import Injection
 from bowden.hardware.twin.plant import OFF, Doing, TwinPlant
@@ -63,7 +63,8 @@ class TwinNode(ABC):
         if has_encoder(drive):
             objects = {key: value for key, value in self._overrides.items() if isinstance(key, tuple)}
             self._encoder = JointEncoderNode(drive, lambda: bench.read_encoders()[0], self.faults, send, objects)
-        self._scale = self._prepare()
+        self._scale = motor_scale(drive)
+        self._prepare()
         self._history: deque[Any] = deque(maxlen=1000)  # of samples
         self._shift = 0.0  # between the drive's position and the plant's, in the drive's unit
         self.patience = 0.0
@@ -81,8 +82,8 @@ class TwinNode(ABC):
         """A frame from the bus; an extended identifier, and a remote frame, have the flags of `buses.place`."""
 
     @abstractmethod
-    def _prepare(self) -> Scale | SuitScale:
-        """What does not change while it is on; the scale of the motor's position."""
+    def _prepare(self) -> None:
+        """What does not change while it is on."""
 
     @abstractmethod
     def _power_up(self) -> None:

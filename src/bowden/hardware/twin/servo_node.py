@@ -14,8 +14,7 @@ from typing import Any, ClassVar
 
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.packets import ALL, STATUS, Instruction
-from bowden.hardware.drives.scale import Scale, SuitScale
-from bowden.hardware.drives.servo_table import ServoTable, joint_scale, motor_scale
+from bowden.hardware.drives.servo_table import ServoTable, joint_scale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import HOTTEST, TwinNode
@@ -101,7 +100,7 @@ class ServoNode(TwinNode):
         "saturated": "it tells no speed, and its current has no end that a motor reaches",
     }
 
-    def _prepare(self) -> Scale | SuitScale:
+    def _prepare(self) -> None:
         drive, table = self._drive, self._drive.table
         self.turn = float(table.turn)
         given = drive.setup.as_new
@@ -110,7 +109,6 @@ class ServoNode(TwinNode):
         self._joint = ServoMemory(table, drive.joint_node_id, given, {}) if drive.joint == "servo" else None
         self._joint_scale = joint_scale(drive)
         self._kicks_until = self._failed = -math.inf
-        return motor_scale(drive)
 
     def _power_up(self) -> None:
         for one in (self._own, self._joint):

@@ -27,9 +27,8 @@ import math
 import numpy as np
 
 from bowden.core.kernel import compiled, exp, kernel
-from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
-from bowden.identify.cable.projection import minimise, products
+from bowden.identify.cable.projection import Array, Estimate, minimise, products
 from bowden.identify.cable.validation import folds, simplest_of_the_best
 from bowden.models.cable.bouc_wen import BoucWen, saturation, slope_of_h, travel_step
 from bowden.models.cable.bouc_wen_sensitivity import sensitivities
@@ -41,22 +40,18 @@ _RICHEST = (7, 2)
 _CHOICES = [(static, heights) for static in (2, 3, 5, 7) for heights in (0, 1, 2)]
 
 
-class BoucWenCable:
-    """Seven parameters: four searched, three linear."""
+def fit_bouc_wen(path: Path, near: Estimate) -> Estimate:
+    """The plain cable, seven parameters: four searched, three linear."""
+    return fit_terms(path, near.theta, 1, 0, rough=True)
 
-    name = "bouc_wen"
 
-    def __init__(self, thin: Path, seed: int) -> None:
-        """`thin` is the path, thinned, on which the global stage runs; `seed` is that stage's."""
-        self._thin, self._seed = thin, seed
-
-    def fit(self, path: Path) -> Estimate:
-        """See `Family.fit`."""
-        return fit_terms(path, search(self._thin, self._seed), 1, 0)
-
-    def refit(self, path: Path, near: Estimate) -> Estimate:
-        """See `Family.refit`."""
-        return fit_terms(path, near.theta, 1, 0, rough=True)
+def fit_static(path: Path, near: Estimate) -> Estimate:
+    """Between eight and fifteen parameters: four searched, the others linear; from the plain cable all of them."""
+    if "static_centre" in near.parameters:
+        return fit_terms(path, near.theta, *degrees_of(near.parameters), rough=True)
+    rich = fit_terms(path, near.theta, *_RICHEST, rough=True)
+    errors = _judge(path, rich, _CHOICES)
+    return fit_terms(path, rich.theta, *simplest_of_the_best(errors, {choice: sum(choice) for choice in errors}))
 
 
 def fit_terms(path: Path, start: Array, static: int, heights: int, *, rough: bool = False) -> Estimate:
@@ -102,26 +97,6 @@ def fit_terms(path: Path, start: Array, static: int, heights: int, *, rough: boo
         variance={"initial_h": (steepness * path.start_error) ** 2}
         | {name: np.inf for name, close in zip(SEARCHED[:3], at_edge[:3], strict=True) if close},
     )
-
-
-class BoucWenStatic:
-    """Between eight and fifteen parameters: four searched, the others linear."""
-
-    name = "bouc_wen_static"
-
-    def __init__(self, plain: Estimate) -> None:
-        """`plain` is the plain cable, fitted to the same path."""
-        self._plain = plain
-
-    def fit(self, path: Path) -> Estimate:
-        """See `Family.fit`."""
-        rich = fit_terms(path, self._plain.theta, *_RICHEST, rough=True)
-        errors = _judge(path, rich, _CHOICES)
-        return fit_terms(path, rich.theta, *simplest_of_the_best(errors, {choice: sum(choice) for choice in errors}))
-
-    def refit(self, path: Path, near: Estimate) -> Estimate:
-        """See `Family.refit`."""
-        return fit_terms(path, near.theta, *degrees_of(near.parameters), rough=True)
 
 
 def _judge(path: Path, rich: Estimate, choices: list[tuple[int, int]]) -> dict[tuple[int, int], Array]:

@@ -12,7 +12,7 @@ all its sensitivities, v⊥, and the residual is then −τ·v⊥.
 
 import math
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,20 +20,18 @@ import numpy as np
 from bowden.core.errors import LogError
 from bowden.core.units import DEGREES
 from bowden.identify.cable import trust
-from bowden.identify.cable.bouc_wen import BoucWenCable, BoucWenStatic
-from bowden.identify.cable.family import Array, Estimate, Family, Line, Progress
+from bowden.identify.cable.bouc_wen import fit_bouc_wen, fit_static, fit_terms, search
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import ModelFit, described
-from bowden.identify.cable.generalised import GeneralisedPlay
+from bowden.identify.cable.generalised import fit_branches, rough_branches
 from bowden.identify.cable.loads import fit_logs
 from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.plays import PlayOperator, PrandtlIshlinskii
-from bowden.identify.cable.projection import solve_linear
+from bowden.identify.cable.plays import fit_line, fit_play, fit_stack
+from bowden.identify.cable.projection import Array, Estimate, Progress, solve_linear
 from bowden.identify.cable.recalibrate import fit_gain
-from bowden.identify.cable.settling import Settling, settling
 from bowden.identify.cable.turns import Turns, find_turns, motor_noise
 from bowden.identify.cable.uncertainty import all_shown, loop_of, standard_errors
-from bowden.identify.cable.validation import left_out_errors, simplest_of_the_best
+from bowden.identify.cable.validation import Refit, Settling, left_out_errors, settling, simplest_of_the_best
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import Scheduled
 from bowden.plants.identified import CableModel, IdentifiedCable
@@ -41,6 +39,15 @@ from bowden.plants.predicted import PREDICTED
 from bowden.plants.trust import Trust
 from bowden.records.metrics import rmse
 
+FAMILIES: Mapping[str, Refit] = {
+    "line": fit_line,
+    "play": fit_play,
+    "bouc_wen": fit_bouc_wen,
+    "bouc_wen_static": fit_static,
+    "prandtl_ishlinskii": fit_stack,
+    "generalised_play": fit_branches,
+}
+"""Every family's name, from the simplest on → how a member is searched from another."""
 _FINE, _JUDGED, _SEARCHED = 2500, 600, 150
 """Nodes of the path on which models are fitted, compared with one another, and searched for globally."""
 _READ = 250
@@ -109,7 +116,7 @@ def _fit_log(log: Log, seed: int, tell: Progress) -> Fit:
     whole = _fit_part(log, len(log.time), turns, seed, lambda what, share: None) if few else _refit(log, turns, half)
     seen = whole if few else half
     tell("comparing on left-out stretches", 0.7)
-    errors = left_out_errors(seen.families, seen.estimates, seen.judged, seen.fine, seen.counted, log.time, log.joint)
+    errors = left_out_errors(FAMILIES, seen.estimates, seen.judged, seen.fine, seen.counted, log.time, log.joint)
     shown_by_log = seen.fine.strokes > 1 and trust.following(log, split) >= trust.FOLLOWS  # a reversal, and a cable
     names = ("line",) if not shown_by_log else _OUTWARD if seen.fine.strokes < 3 else tuple(errors)
     best: str = simplest_of_the_best(
@@ -129,22 +136,22 @@ def _fit_log(log: Log, seed: int, tell: Progress) -> Fit:
     counts = np.interp(time[fitted], fine.time, half.counted)
     models: dict[str, ModelFit] = {}
     kept = []
-    for done, family in enumerate(half.families):
+    for done, family in enumerate(FAMILIES):
         tell("judging on the second half", 0.9 + 0.02 * done)
-        (error, final), part = (_along(path, one, family.name, time) - measured for one in (half, whole)), whole
+        (error, final), part = (_along(path, one, family, time) - measured for one in (half, whole)), whole
         before, after = (rmse(one[time >= begun]) for one in (error, final))
         if after > _WORSE * before + _SLIGHT:
             part = half
-            kept.append(f"{family.name} ({after * DEGREES:.2g}° against {before * DEGREES:.2g}°)")
-        estimate = part.estimates[family.name]
-        models[family.name] = ModelFit(
-            model=CableModel(family.name, estimate.parameters),
+            kept.append(f"{family} ({after * DEGREES:.2g}° against {before * DEGREES:.2g}°)")
+        estimate = part.estimates[family]
+        models[family] = ModelFit(
+            model=CableModel(family, estimate.parameters),
             uncertainty=standard_errors(part.fine, estimate, family),
             loop=loop_of(part.fine, estimate.fitted),
             fitted_count=len(estimate.slopes),
             train_rms=math.sqrt(float(np.average(error[fitted] ** 2, weights=counts))),
             test_rms=rmse(error[later]),
-            left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
+            left_out_rms=math.sqrt(float(np.mean(errors[family]))),
         )
     chosen = models[best]
     found = described(
@@ -200,8 +207,6 @@ class _Part:
     judged: Path
     """The same, thinned, on which they are compared."""
     settling: Settling
-    families: tuple[Family, ...]
-    """From the simplest on."""
     estimates: dict[str, Estimate]
     """By the family's name."""
 
@@ -216,33 +221,31 @@ class _Part:
 def _fit_part(log: Log, stop: int, turns: Turns, seed: int, tell: Progress) -> _Part:
     """Every family fitted to the first `stop` samples of a log, searched globally."""
     raw, thin = (_path(log, stop, turns, nodes) for nodes in (_FINE, _JUDGED))
-    branches = GeneralisedPlay()
-    tell(branches.name, 0.1)
-    weighting = settling(raw, branches.rough(raw))
-    searched = build_path(log.time[:stop], log.motor[:stop], log.joint[:stop], turns, _SEARCHED).first(
-        _SEARCHED_STROKES
-    )
+    tell("generalised_play", 0.1)
+    weighting = settling(raw, rough_branches(raw))
+    searched = _path(log, stop, turns, _SEARCHED, None).first(_SEARCHED_STROKES)
     fine, judged, searched = (weighting.weighted(path) for path in (raw, thin, searched))
-    free = branches.fit(fine)
+    branches = fit_branches(fine)
     tell("bouc_wen, searched globally", 0.2)
-    cable = BoucWenCable(searched, seed)
-    plain = cable.fit(fine)
-    others = cable, BoucWenStatic(plain), PrandtlIshlinskii(), branches
-    families: tuple[Family, ...] = (Line(), PlayOperator(judged), *others)
-    known = {cable.name: plain, branches.name: free}
-    estimates: dict[str, Estimate] = {}
-    for family in families:
-        tell(family.name, 0.3 + 0.03 * len(estimates))
-        estimates[family.name] = known.get(family.name) or family.fit(fine)
-    return _Part(fine, _counted(raw, fine), judged, weighting, families, estimates)
+    plain = fit_terms(fine, search(searched, seed), 1, 0)
+    tell("all families", 0.3)
+    estimates = {
+        "line": fit_line(fine),
+        "play": fit_play(fine, thin=judged),
+        "bouc_wen": plain,
+        "bouc_wen_static": fit_static(fine, plain),
+        "prandtl_ishlinskii": fit_stack(fine),
+        "generalised_play": branches,
+    }
+    return _Part(fine, _counted(raw, fine), judged, weighting, estimates)
 
 
 def _refit(log: Log, turns: Turns, half: _Part) -> _Part:
     """Every family fitted to the whole log, searched from where it was for its first half."""
     raw, thin = (_path(log, len(log.time), turns, nodes) for nodes in (_FINE, _JUDGED))
     fine, judged = half.settling.weighted(raw), half.settling.weighted(thin)
-    estimates = {family.name: family.refit(fine, half.estimates[family.name]) for family in half.families}
-    return _Part(fine, _counted(raw, fine), judged, half.settling, half.families, estimates)
+    estimates = {family: refit(fine, half.estimates[family]) for family, refit in FAMILIES.items()}
+    return _Part(fine, _counted(raw, fine), judged, half.settling, estimates)
 
 
 def _path(log: Log, stop: int, turns: Turns, nodes: int, most: int | None = _READ) -> Path:

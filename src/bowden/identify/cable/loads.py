@@ -28,13 +28,12 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import DEGREES
-from bowden.identify.cable.bouc_wen import BoucWenCable
+from bowden.identify.cable.bouc_wen import fit_terms, search
 from bowden.identify.cable.cycles import ENOUGH
-from bowden.identify.cable.family import Progress
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import FittedLog, ModelFit, described
 from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.projection import products, weights_of_one_sign, without
+from bowden.identify.cable.projection import Progress, products, weights_of_one_sign, without
 from bowden.identify.cable.turns import find_turns
 from bowden.identify.cable.uncertainty import loop_of
 from bowden.identify.log.read import Log
@@ -136,7 +135,7 @@ def fit_logs(logs: Sequence[Log], by: Sequence[Scheduled], seed: int, tell: Prog
     middle = [0.5 * float(low + high) for low, high in zip(cable.low, cable.high, strict=True)]
     tell("bouc_wen", 0.8)
     near = int(np.argmin(np.abs(values - middle).sum(axis=1))) if len(names) else 0
-    plain = BoucWenCable(_path(logs[near], _SEARCHED).first(30), seed).fit(paths[near]).parameters
+    plain = fit_terms(paths[near], search(_path(logs[near], _SEARCHED).first(30), seed), 1, 0).parameters
     best = CableModel(
         SCHEDULED,
         parameters_of(cable, names, middle),

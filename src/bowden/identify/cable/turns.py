@@ -5,6 +5,7 @@ that follows. The extreme reading itself lies too far out by a few times the noi
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,5 +169,11 @@ def _first_value(motor: Array, noise: float) -> tuple[float, float]:
 
 def _smoothed(values: Array, degree: int) -> Array:
     """Evenly spaced values (n,) smoothed by the polynomial of a degree that fits them best."""
-    place = np.linspace(-1.0, 1.0, len(values))
-    return np.asarray(np.polynomial.Polynomial.fit(place, values, degree)(place))
+    basis = _polynomials(len(values), degree)
+    return np.asarray(basis @ (basis.T @ values))
+
+
+@lru_cache(256)
+def _polynomials(count: int, degree: int) -> Array:
+    """Orthonormal ones at evenly spaced places (count, degree + 1)."""
+    return np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), degree))[0]

@@ -35,10 +35,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.identify.cable.family import Array, Estimate, Family
 from bowden.identify.cable.hysteresis_loop import HysteresisLoop
 from bowden.identify.cable.path import Path
-from bowden.identify.cable.projection import inverse_of, products
+from bowden.identify.cable.projection import Array, Estimate, inverse_of, products
 from bowden.plants.predicted import PREDICTED
 
 _BLOCKS = 24
@@ -49,7 +48,7 @@ _QUANTILES = (1.960, 2.228, 2.571, 3.182, 4.303, 12.706)
 """Of Student's distribution, 97.5 %, at these inverse degrees of freedom."""
 
 
-def standard_errors(path: Path, estimate: Estimate, family: Family) -> dict[str, float]:
+def standard_errors(path: Path, estimate: Estimate, family: str) -> dict[str, float]:
     """One standard deviation of every parameter; infinite where the data do not show it, NaN where none is stated.
 
     None is stated of a setting, nor where smoothing draws the coordinates: they trade with what is not in J.
@@ -143,20 +142,20 @@ def _score_covariance(path: Path, jacobian: Array, residual: Array) -> Array:
     return np.asarray(sums.T @ sums * blocks / (blocks - count))  # count directions of the sums vanish at the minimum
 
 
-def _reversal_changes(path: Path, estimate: Estimate, family: Family) -> list[Array]:
+def _reversal_changes(path: Path, estimate: Estimate, family: str) -> list[Array]:
     """How the joint changes (n,) when the reversals of one side lie further out by their common error."""
     turns = np.flatnonzero(np.diff(path.stroke) > 0) + 1
     outward = np.sign(path.motor[turns] - path.motor[turns - 1])
     if not len(turns) or path.reversal_error == 0.0:
         return []
-    found, base = [], PREDICTED[family.name](estimate.parameters, path.motor)
+    found, base = [], PREDICTED[family](estimate.parameters, path.motor)
     for side in (1.0, -1.0):
         if not (outward == side).any():
             continue
         error = path.reversal_error  # what the tops of a motion have in common, several amplitudes do not mend
         motor = path.motor.copy()
         motor[turns[outward == side]] += side * error
-        found.append(PREDICTED[family.name](estimate.parameters, motor) - base)
+        found.append(PREDICTED[family](estimate.parameters, motor) - base)
     return found
 
 

@@ -13,12 +13,11 @@ from bowden.core.arguments import format_value
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import CABLE_LOG_LIMIT, DEGREES, RADIANS
 from bowden.identify.cable.turns import Index, motor_noise
-from bowden.identify.log.columns import split_name
-from bowden.plants.trust import Trust
+from bowden.identify.log.columns import ANGLES, FACTORS, split_name
+from bowden.plants.trust import Level, Trust
 
 Array = NDArray[np.float64]
 
-UNITS = ("deg", "rad", "turns", "counts")
 SIDES = ("motor", "joint")
 
 _TURN = 2.0 * math.pi  # rad
@@ -114,7 +113,7 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None, spool_radius_mm: 
             f"the unit of the angles is {format_value(unit)}", expected=_EXPECTED, do="give one of them"
         )
     parts = [part.strip().lower() for part in unit.split(",")] if unit else [None]
-    if len(parts) > 2 or any(part not in (None, *UNITS, "mm", "cm") for part in parts):
+    if len(parts) > 2 or any(part not in (None, *ANGLES, "mm", "cm") for part in parts):
         raise ParameterError(f"the unit of the angles is {unit!r}", expected=_EXPECTED, do="give one of them")
     counts = _counts(counts_per_turn)
     both = (parts[0], parts[-1])
@@ -164,19 +163,19 @@ def angles_of(
         if (unit or found) in ("mm", "cm") and not (side == "motor" and given.spool):
             radius = "give the radius of its spool: --spool-radius-mm 20 (spool_radius_mm= in Python)"
             do = radius if side == "motor" else "convert it, or name another column"
-        elif found not in (None, *UNITS, "mm", "cm") and unit is None:
+        elif found not in (None, *ANGLES, "mm", "cm") and unit is None:
             do = "name another column, or give --unit where the name is wrong"
         else:
             continue
         what = f"the {side}'s column {name!r} is in {unit or found}"
-        raise LogError(what, expected=f"an angle: {', '.join(UNITS)}", do=do)
+        raise LogError(what, expected=f"an angle: {', '.join(ANGLES)}", do=do)
     if given.spool:  # what the motor winds up is an angle from here on
         name, found = columns["motor"]
         per_mm = 10.0 if (given.unit[0] or found) == "cm" else 1.0
         values = {**values, "motor": values["motor"] * per_mm / given.spool}
         columns = {**columns, "motor": (name, "rad")}
         given = given._replace(unit=("rad", given.unit[1] if given.unit[1] not in ("mm", "cm") else None), spool=None)
-    own = {side: found if found in UNITS else None for side, (_, found) in columns.items()}
+    own = {side: found if found in ANGLES else None for side, (_, found) in columns.items()}
     angles: dict[str, Angle] = {}
     warnings: list[str] = []
     for side, other, unit, counts in zip(SIDES, reversed(SIDES), given.unit, given.counts_per_turn, strict=True):
@@ -208,7 +207,7 @@ def angles_of(
                 expected="whole numbers",
                 do="give its unit: --unit deg or --unit rad (unit= in Python), beside the counts per turn",
             )
-        factor = {"deg": RADIANS, "rad": 1.0, "turns": _TURN, "counts": _TURN / (counts or 1.0)}[chosen]
+        factor = _TURN / (counts or 1.0) if chosen == "counts" else FACTORS[chosen]
         known, count = unit is not None or named is not None, _TURN / counts if counts else 0.0
         angles[side] = Angle(name, values[side], chosen, known, factor, guessed, count)
     if any(one.unit == "counts" for one in angles.values()) and len({*given.counts_per_turn}) == 1:
@@ -309,53 +308,69 @@ def check_plausible(motor: Angle, joint: Angle, where: Callable[[int], str]) -> 
             raise _beyond(one, one is motor, where(worst), float(one.values[worst]))
 
 
-def unit_doubts(motor: Angle, joint: Angle, *, apart: bool) -> list[Trust]:
-    """Why angles are perhaps not in the units that they were taken in.
+def compared(motor: Angle, joint: Angle, where: str, *, apart: bool) -> tuple[list[str], list[Trust]]:
+    """What motor and joint beside one another say of their units: notes, and why perhaps they are others.
 
     A unit that nobody named is a guess. And a joint moves by less than half a turn, and a log of one that can be fitted
     by more than π°: what is taken for radians and moves by more than π may be degrees, and what is taken for degrees
     and moves by less than π, radians. A motor whose column names no unit, and for which one is not said apart from the
     joint's, may be a length where the joint moves too far for a cable.
+
+    Raises:
+        LogError: one moves some 57.3 times as far as the other, as degrees do beside radians, and nobody says of each
+            `apart` in which unit it is.
     """
-    guessed = [f"{one.name!r} (taken as {one.unit})" for one in (motor, joint) if one.guessed]
-    found = [f"no unit is named for {' and '.join(guessed)}: give --unit, or end the names in _deg or _rad"] * bool(
-        guessed
-    )
-    span, unlikely = float(np.ptp(joint.values)), []
-    if joint.unit == "rad" and span > math.pi:
-        unlikely.append(f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?")
-    if _small(joint):
-        unlikely.append(f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?")
+    ratio = float(np.ptp(joint.radians) / np.ptp(motor.radians))
+    for factor, large, small in ((ratio, "joint", "motor"), (1.0 / ratio, "motor", "joint")):
+        if _LIKE_DEGREES[0] < factor < _LIKE_DEGREES[1] and not apart:
+            raise LogError(
+                f"{where}: the {large} moves {factor:.3g} times as far as the {small}, which looks like degrees beside "
+                "radians",
+                expected="both in the same unit",
+                do="convert one of them; with a gear between them give each unit (--unit deg,deg, unit='deg,deg')",
+            )
+    span = float(np.ptp(joint.values))
+    little = joint.unit == "deg" and span < math.pi
+    guessed = " and ".join(f"{one.name!r} (taken as {one.unit})" for one in (motor, joint) if one.guessed)
     said = "" if apart else f" Say so with --unit; if it is not, with --unit {motor.unit},{joint.unit}"
-    ratio = span * joint.factor / (float(np.ptp(motor.values)) * motor.factor)
-    if motor.unit == "deg" and split_name(motor.name)[1] is None and not apart and ratio > _AS_OF_LENGTH:
-        found.append(
+    unlikely: Level = "with care" if apart else "no"
+    unnamed = motor.unit == "deg" and split_name(motor.name)[1] is None and not apart
+    table: tuple[tuple[bool, Level, str], ...] = (
+        (
+            joint.unit == "rad" and span > math.pi,
+            unlikely,
+            f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?{said}",
+        ),
+        (
+            little,
+            unlikely,
+            f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?{said}",
+        ),
+        (
+            bool(guessed),
+            "with care",
+            f"no unit is named for {guessed}: give --unit, or end the names in _deg or _rad",
+        ),
+        (
+            unnamed and ratio > _AS_OF_LENGTH,
+            "with care",
             f"the joint moves {ratio:.3g} times as far as {motor.name}, which names no unit: is that a length in mm? "
             "Then divide it by the radius of its spool (rad). If it is an angle, say in which unit: --unit "
-            f"deg,{joint.unit} or --unit rad,{joint.unit}"
-        )
-    if motor.unit == joint.unit == "counts" and ratio > _GEARED:
-        found.append(
-            f"the joint moves {ratio:.3g} times as far as the motor: are the counts a turn of the two exchanged?"
-        )
-    doubts = [Trust("with care" if apart else "no", (one + said,)) for one in unlikely]
-    return [*doubts, *(Trust("with care", (one,)) for one in found)]
-
-
-def _small(joint: Angle) -> bool:
-    """True if a joint in degrees moves by less than radians would."""
-    return joint.unit == "deg" and float(np.ptp(joint.values)) < math.pi
-
-
-def geared(motor: Angle, joint: Angle) -> list[str]:
-    """A note where the motor moves so much further than the joint that a gear or a spool must be between them."""
-    ratio = float(np.ptp(motor.radians) / np.ptp(joint.radians))
-    if ratio < _GEARED or _small(joint):
-        return []
-    return [
-        f"the motor moves {ratio:.3g} times as far as the joint, as before a gear: the model holds for this log's "
-        "motor; a rig counts its motor behind the gear, so divide it by the gear's ratio before the model goes into one"
-    ]
+            f"deg,{joint.unit} or --unit rad,{joint.unit}",
+        ),
+        (
+            motor.unit == joint.unit == "counts" and ratio > _GEARED,
+            "with care",
+            f"the joint moves {ratio:.3g} times as far as the motor: are the counts a turn of the two exchanged?",
+        ),
+    )
+    gear = (
+        f"the motor moves {1.0 / ratio:.3g} times as far as the joint, as before a gear: the model holds for this "
+        "log's motor; a rig counts its motor behind the gear, so divide it by the gear's ratio before the model goes "
+        "into one"
+    )
+    doubts = [Trust(level, (why,)) for holds, level, why in table if holds]
+    return [gear] * (ratio * _GEARED <= 1.0 and not little), doubts
 
 
 def _many_turns(motor: Angle, joint: Angle) -> bool:
@@ -391,28 +406,6 @@ def _beyond(angle: Angle, motor: bool, place: str, value: float) -> LogError:
         expected=f"an angle within ±{limit:.0f}{'°' if angle.unit == 'deg' else ' counts'}{turns}",
         do="check the column and its unit, or remove the outlier",
     )
-
-
-def check_same_unit(motor: Array, joint: Array, where: str) -> None:
-    """Refuse a joint that moves some 57.3 times as far as the motor, or a motor as the joint: degrees beside radians.
-
-    Args:
-        motor: (n,) [rad].
-        joint: (n,) [rad].
-        where: the log, for messages.
-
-    Raises:
-        LogError: it does.
-    """
-    ratio = float(np.ptp(joint) / np.ptp(motor))
-    for factor, large, small in ((ratio, "joint", "motor"), (1.0 / ratio, "motor", "joint")):
-        if _LIKE_DEGREES[0] < factor < _LIKE_DEGREES[1]:
-            raise LogError(
-                f"{where}: the {large} moves {factor:.3g} times as far as the {small}, which looks like degrees beside "
-                "radians",
-                expected="both in the same unit",
-                do="convert one of them; with a gear between them give each unit (--unit deg,deg, unit='deg,deg')",
-            )
 
 
 def look_swapped(motor: Array, joint: Array, turns: Index) -> bool:

@@ -16,17 +16,16 @@ from bowden.core.guesses import answering
 from bowden.core.units import DEGREES
 from bowden.identify.cable.turns import least_swing, resolution, reversals
 from bowden.identify.log.angles import (
+    GAP,
     SIDES,
     Angle,
     AngleUnits,
     angle_units,
     angles_of,
     check_plausible,
-    check_same_unit,
-    geared,
+    compared,
     look_swapped,
     stopped_at,
-    unit_doubts,
     unwrapped,
     without_outliers,
 )
@@ -40,7 +39,7 @@ from bowden.identify.log.clock import (
     odd_time,
     rises_evenly,
 )
-from bowden.identify.log.columns import CABLE, FACTORS, TIMES, LogColumn, find_columns, sides_in, split_name
+from bowden.identify.log.columns import CABLE, FACTORS, TIMES, LogColumn, find_columns, only_angle, sides_in
 from bowden.identify.log.quaternions import with_angles
 from bowden.plants.counting import NOT_SAID, Covered, Encoders
 from bowden.plants.trust import Trust
@@ -51,8 +50,10 @@ Array = NDArray[np.float64]
 
 _EPOCH = 8
 """Digits of a time from 1970 in seconds, less one."""
-_DAY, _LATE = 86400.0, 1e6
-"""A day [s], and times beyond which digits of small steps are lost: they are counted from the first."""
+_TURNS = (86400.0, 2.0**16, 2.0**32)
+"""Where times begin again: after a day [s], and where a counter of milli- or microseconds overflows."""
+_LATE = 1e6
+"""Times beyond which digits of small steps are lost: they are counted from the first [s]."""
 _APART = 0.5
 """Share of the rows with one angle that must have the other too."""
 _OF_A_STROKE = 8
@@ -219,7 +220,8 @@ def read_file(file: Path, layout: Layout) -> Log:
 def read_run(files: Sequence[Path], layout: Layout) -> Log | None:
     """One run of which one file has the motor and another the joint, on one clock; None where they are no such files.
 
-    The columns say which it is; where they do not, and each file has one beside its time, the motor's comes first.
+    The columns say which it is. Where those of a file do not, and it has one beside its time, or one in a unit of
+    angles, that is the side that the other file lacks; where neither says it, the motor's file comes first.
 
     Args:
         files: two.
@@ -233,17 +235,15 @@ def read_run(files: Sequence[Path], layout: Layout) -> Log | None:
     units, rate, given = layout.units, layout.rate, layout.columns(files[0])
     names = [with_angles(read_table(file)).names for file in files]
     found = [sides_in(given, one) for one in names]
-    timed = [len([one for one in each if one.strip() and split_name(one)[0] not in TIMES]) for each in names]
+    if sum(map(len, found)) < 2 and all(map(only_angle, names)):
+        found = [one or {*SIDES} - other or {side} for one, other, side in zip(found, found[::-1], SIDES, strict=True)]
     if [len(one) for one in found] != [1, 1] or found[0] == found[1]:
-        if timed != [1, 1] or any(len(one) > 1 for one in found):
-            return None
-        found = [{"motor"}, {"joint"}]
+        return None
     raws: dict[str, RawLog] = {}
     warnings: list[str] = []
     at: dict[str, Array] = {}
     for file, (side,), each in zip(files, found, names, strict=True):
-        own = sides_in(given, each)
-        named = given[side] or (None if own else next(n for n in each if split_name(n)[0] not in TIMES))
+        named = given[side] or (None if sides_in(given, each) else only_angle(each))
         known = {"time": TIMES, side: CABLE[side]}
         raw = read_columns(file, {"time": given["time"], side: named}, known, () if rate is None else ("time",))
         raws[side], lost = with_both(raw, rate)
@@ -308,16 +308,18 @@ def read_columns(
         raise LogError(f"{file}: no row of numbers found", expected="columns of numbers", do="record the log again")
     found = dict(zip(columns, values, strict=True))
     if "time" in found:
-        found["time"] = _past_midnight(found["time"])
+        found["time"] = _counted_on(found["time"])
     return RawLog(columns, found, table.place)
 
 
-def _past_midnight(time: Array) -> Array:
-    """Times of day that go on (n,) [s]; all others as they are."""
+def _counted_on(time: Array) -> Array:
+    """Times (n,) of day that go past midnight, or of a counter that overflows, counted on; all others as they are."""
     steps = np.diff(time)
-    if not (steps < -0.9 * _DAY).any() or np.nanmin(time) < 0.0 or np.nanmax(time) >= _DAY:
-        return time
-    return time + _DAY * np.concatenate([[0.0], np.cumsum(steps < -0.9 * _DAY)])
+    back = steps < 0.0
+    for turn in _TURNS if back.any() else ():
+        if (turn + steps[back] < GAP * np.nanmedian(steps)).all():
+            return time + turn * np.concatenate([[0.0], np.cumsum(back)])
+    return time
 
 
 def seconds_of(raw: RawLog, rate: float | None, file: Path) -> tuple[Array, list[str], bool]:
@@ -427,9 +429,7 @@ def prepare(
     check_plausible(motor, joint, place)
     (motor, filled), (joint, further) = (without_outliers(one, time, place) for one in (motor, joint))
     notes, more = notes + filled, more + further
-    if not apart:
-        check_same_unit(motor.radians, joint.radians, name)
-    more += geared(motor, joint)
+    gear, of_units = compared(motor, joint, name, apart=apart)
     even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place, cut=True)
     if not time_unit_known:
         even, guessed = in_seconds(even, motor_at, joint_at)
@@ -441,7 +441,7 @@ def prepare(
     swapped, turns = Trust("no", (found,)), reversals(motor_at, least_swing(motor_at))
     doubts = (
         *doubts,
-        *unit_doubts(motor, joint, apart=apart),
+        *of_units,
         *odd_time(even, motor_at, joint_at),
         *seldom,
         *([swapped] if look_swapped(motor_at, joint_at, turns) else []),
@@ -450,7 +450,7 @@ def prepare(
         at, on = (one * DEGREES for one in stop)
         why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
         doubts = (*doubts, Trust("with care", (why,)))
-    said = (*(one for one in warnings if one), *notes, *more, *clock, *repeats)
+    said = (*(one for one in warnings if one), *notes, *more, *gear, *clock, *repeats)
     encoders = Encoders(*(angles[side].count for side in SIDES))
     return Log(even, motor_at, joint_at, name, said, doubts, counts, encoders)
 

@@ -141,6 +141,11 @@ class DynamixelParameters(NamedTuple):
         """Its memory."""
         return MODELS[self.model]
 
+    @property
+    def motor_step(self) -> float:
+        """See `scale.motor_scale`."""
+        return servos.motor_step(self)
+
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`."""
         return servos.identifiers(self)
