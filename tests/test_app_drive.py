@@ -198,8 +198,8 @@ def test_of_several_motors_the_next_command_and_the_lines_are_those_of_the_one(
     look = DriveLook()
     look.take(READING)
     shown_to(monkeypatch, look)
-    for command in ("monitor", "zero"):
-        said = command("drive", command, path, "--motor", "knee", "--channel", "can1").out
+    for name in ("monitor", "zero"):
+        said = command("drive", name, path, "--motor", "knee", "--channel", "can1").out
         assert f"Next: bowden confirm {path} --motor knee --channel can1" in said
     assert "below [motor.drive] of the motor knee" in said
 

@@ -126,8 +126,8 @@ def test_what_cannot_be_is_one_line(tmp_path: Path, keys: str, said: str) -> Non
 @pytest.mark.parametrize("source", ["foo", "lsl:", "file:", "usb:1", "trigno:host:port"])
 def test_what_is_no_source_is_one_line_for_every_command(source: str, tmp_path: Path, command: Command) -> None:
     path = rig(tmp_path, f"source = '{source}'")
-    for command in ("simulate", "check"):
-        assert f"{source!r} is not a source of EMG; expected lsl:NAME" in command.refused(command, path)
+    for name in ("simulate", "check"):
+        assert f"{source!r} is not a source of EMG; expected lsl:NAME" in command.refused(name, path)
     assert f"{source!r} is not a source of EMG" in refused(tmp_path, "", source)
 
 

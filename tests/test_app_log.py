@@ -4,6 +4,7 @@ import io
 import json
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,13 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import own_file
 from bowden.core.errors import LogError
 from bowden.core.signals import DriveReading, Reference, Sample
-from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
+from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan, TargetSource
 from bowden.hardware.drives.families.ak_mit import AkParameters
 from bowden.identify.log.read import read_log
 from bowden.live import live_run as live_run_of
 from bowden.live.events import Changes
 from bowden.live.gain_ramp import GainRamp
+from bowden.live.log_facts import facts
 from bowden.live.log_rig import UnknownCodeError, rig_of_log
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read
@@ -35,6 +37,8 @@ from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdict
+from bowden.sensing.intent import Intent
+from bowden.views.log import lines
 from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -142,6 +146,28 @@ def test_info_tells_what_the_log_holds(rows: np.ndarray, command: Command) -> No
     assert "closed properly  yes" in printed.out
     assert f"running          from {told['running_s'] - told['begin_s']:.3f} s on" in printed.out
     assert printed.err == ""
+
+
+def test_motions_and_the_doubt_of_an_estimated_joint_are_told() -> None:
+    log = read(Path("run.mcap"))
+    led = int(np.flatnonzero(log["source"] >= TargetSource.LAW_BEGINS)[0])
+    intent = np.repeat([Intent.REST, Intent.FLEX, Intent.HOLD, Intent.EXTEND], [led + 10, 20, 30, CYCLES - led - 60])
+    doubt = np.where(np.arange(CYCLES) < led, math.nan, math.radians(0.5))
+    rows = np.column_stack([log.rows, intent])
+    rows[:, log.columns.index("joint_std")] = doubt
+    of_emg = {**log.settings, "emg": {"course": {"proportional": False}}}
+    log = replace(log, columns=(*log.columns, "emg.intent"), rows=rows, settings=of_emg)
+    found = facts(log)
+    assert [(one.time_s, one.text) for one in found.motions] == [
+        (log["time"][led + 10], "flex"),
+        (log["time"][led + 60], "extend"),
+    ]
+    assert found.estimate_std_deg == pytest.approx(0.5)
+    told = dict(lines(found))
+    assert told["joint"] == "estimated; 1 σ 0.500° RMS under the law"
+    assert told["motion"].endswith(" s: extend")
+    of_emg["emg"]["course"]["proportional"] = True
+    assert facts(log).motions == ()
 
 
 @pytest.mark.parametrize("kind", ["parquet", "csv"])

@@ -14,7 +14,7 @@ from bowden.control.our_law.law import UNKNOWN_LAG
 from bowden.control.our_law.oscillation import ALIKE, ENOUGH, WATCHED
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
 from bowden.core.kernel import compiled, kernel
-from bowden.core.nested import flat, names, unflatten_like
+from bowden.core.nested import flat, names, unflatten
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.backlash import Play
@@ -296,7 +296,7 @@ def test_where_the_rig_is_as_told_the_observer_sees_the_disturbance_alone() -> N
 
 def test_a_slope_is_learned_for_the_plan_alone(clean: Played) -> None:
     """The feedback's answer to an error is the same whatever slope was learned."""
-    state = unflatten_like(LAW.start(Sample(0.0, 0.0)), clean.states[-500])
+    state = unflatten(LAW.start(Sample(0.0, 0.0)), clean.states[-500])
     wanted, changes = Reference(*STROKES[-499].tolist()), []
     for inverse in (1.0, 1.3):
         held = state._replace(deadzone=state.deadzone._replace(inverse=inverse))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
-from bowden.core.nested import flat, unflatten_like
+from bowden.core.nested import flat, unflatten
 from bowden.core.signals import DriveReading
 from bowden.export.modules import emg_modules, safety_module
 from bowden.export.unit import Module, Public
@@ -111,7 +111,7 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
 def run_gate(limits: Limits, warmth: ThermalState, observed: Observed, rows: Array, out: Array) -> None:
     state = begin(limits, observed.reading, warmth)
     for k in range(len(rows)):
-        observed = unflatten_like(observed, rows[k, 1:])
+        observed = unflatten(observed, rows[k, 1:])
         if rows[k, 0] != 0.0:
             state = begin(limits, observed.reading, warmth)
         state, verdict = supervise(limits, state, observed, rows[k, -2], rows[k, -1])

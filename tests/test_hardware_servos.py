@@ -21,7 +21,7 @@ from bowden.hardware.buses.serial_bus import SerialBus, port_of
 from bowden.hardware.drives.families.dynamixel import FAMILY, MODELS, DynamixelParameters
 from bowden.hardware.drives.families.feetech import FeetechParameters
 from bowden.hardware.drives.findings import JOINT_SERVO
-from bowden.hardware.drives.on_can import require
+from bowden.hardware.drives.on_can import collision, require
 from bowden.hardware.drives.servo_table import ADAPTER, ServoRegister, cycle_time
 from bowden.hardware.ports import Power
 from bowden.rig.families import family_of
@@ -208,6 +208,12 @@ def test_two_motors_on_a_line_share_one_write_and_one_question() -> None:
     assert (goals[5], goals[10]) == (1, 3)
     assert question == DYNAMIXEL.sync_read(224, 10, fast=True) + bytes((1, 2, 3))
     assert all(one.read(bus.time).foreign == 0.0 for one in both)
+
+
+def test_servos_that_one_question_cannot_ask_need_lines_of_their_own() -> None:
+    other = DRIVE._replace(node_id=3, joint_node_id=4)
+    assert collision(DRIVE, other) == ""
+    assert "have what a cycle reads elsewhere" in collision(DRIVE, other._replace(model="PH54-200-S500"))
 
 
 def test_a_servo_that_hears_nothing_holds_with_torque() -> None:

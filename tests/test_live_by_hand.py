@@ -18,6 +18,7 @@ from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power, serial_of
 from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.plant import Look
 from bowden.live.by_hand import SETTLED, confirm, confirmed, contradictions, require_confirmed, require_same, turned
 from bowden.live.joint_estimate import RestingSensor
 from bowden.models.cable.sheath_path import constant_bend
@@ -47,8 +48,9 @@ class InHand(TwinBench):
     """A bench without power, whose joint somebody turns."""
 
     turned = 0.1
-    joint = property(lambda self: self.turned)  # type: ignore[assignment]
-    motor = property(lambda self: self.turned / SLOPE)  # type: ignore[assignment]
+
+    def look(self) -> Look:
+        return super().look()._replace(joint=self.turned, motor=self.turned / SLOPE)
 
 
 def in_hand(now: float) -> InHand:

@@ -13,8 +13,8 @@ from bowden.paper.bench import observer, run_bench, run_chirp
 from bowden.paper.calibration import bench_fit, gains, parameters, suit_fit
 from bowden.paper.claims import Claim, claims, judge, plausible_sets, select
 from bowden.paper.errata import largest_pole
-from bowden.paper.figures_of_merit import closed_loop_bandwidth, dead_zone_deg
 from bowden.paper.gain_choice import choose_gains, worst_margins
+from bowden.paper.plots import closed_loop_bandwidth, dead_zone_deg
 from bowden.paper.report import HEADINGS, VERDICTS, write_report
 from bowden.paper.reproduce import EXPERIMENTS, Reproduction, reproduce
 from bowden.paper.suit_rows import uncompensated

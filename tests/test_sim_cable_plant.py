@@ -69,6 +69,17 @@ def noisy(plant: Any) -> Any:
     return plant._replace(joint_encoder=PAPER_ENCODER, motor_encoder=PAPER_ENCODER)
 
 
+@pytest.mark.parametrize("frequency", [300.0, 2500.0])
+def test_a_quick_servo_goes_to_the_same_end_at_once_and_in_substeps(frequency: float) -> None:
+    """A sheath that moves, however little, is gone through in sub-steps."""
+    bench = Bench(servo=Servo(frequency), substeps=7)
+    bends = constant_bend(bench.sheath.bend), scripted_bend([0.0, 6.0], [bench.sheath.bend, bench.sheath.bend + 1e-11])
+    still, moving = (simulate(bench, LAWS["adaptive"], STROKE, duration=6.0, bend=bend).columns for bend in bends)
+    for column in ("joint", "motor", "motor_velocity", "h"):
+        np.testing.assert_allclose(still[column], moving[column], rtol=0, atol=1e-9, err_msg=column)
+    np.testing.assert_allclose(still["motor_acceleration"], moving["motor_acceleration"], rtol=0, atol=1e-6)
+
+
 @shown_by_less
 def test_every_cable_runs_under_a_law_and_tells_what_made_it(cable: Cable) -> None:
     plant = noisy(Bench(cable, sheath=Sheath(bend=2.0)))

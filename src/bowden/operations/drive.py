@@ -3,8 +3,9 @@
 import contextlib
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from bowden.core.documented import Documented
@@ -13,7 +14,6 @@ from bowden.operations.support.operation import GivenRig, Operation, Quiet
 from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
-    from bowden.hardware.ports import Drive
     from bowden.live.drive_look import DriveLook
     from bowden.rig.rig import Rig
 
@@ -189,9 +189,8 @@ def drive_monitor(
         raise ParameterError("--json needs an end", do="add --duration 10")
     whole = _given(rig, motor, channel)
     look: DriveLook | None = None
-    with _brought_up(whole) as (drive, identity), contextlib.suppress(KeyboardInterrupt):
-        say(identity)
-        for look in _looked(drive, whole, math.inf if duration is None else duration):
+    with _brought_up(whole) as (identity, looked), contextlib.suppress(KeyboardInterrupt):
+        for look in looked(math.inf if duration is None else duration):
             _show(look, whole)
     if look is None:
         return
@@ -248,9 +247,8 @@ def drive_zero(
         check_number(name, angle, -1e6, 1e6)
     whole = _given(rig, motor, channel)
     require_zero(whole.drive)
-    with _brought_up(whole) as (drive, identity):
-        say(identity)
-        *_, look = _looked(drive, whole, _SETTLE)
+    with _brought_up(whole) as (identity, looked):
+        *_, look = looked(_SETTLE)
     assert look.last is not None
     keys = zero_keys(whole.drive, whole.drive_parameters, look.last, motor_deg * RADIANS, joint_deg * RADIANS)
     if hint := family_of(whole.drive).zero_hint:
@@ -283,10 +281,12 @@ def drive_tare(rig: GivenRig, *, load: float = 0.0, motor: str | None = None, ch
     check_number("load", load, -1e6, 1e6)
     whole = _given(rig, motor, channel)
     require_load_cell(whole)
-    with _brought_up(whole) as (drive, identity):
-        say(identity)
-        looks = _looked(drive, whole, _LISTENED)
-        readings = [look.last for look in looks if look.last is not None and look.cycles * whole.sample_time > _SETTLE]
+    with _brought_up(whole) as (identity, looked):
+        readings = [
+            look.last
+            for look in looked(_LISTENED)
+            if look.last is not None and look.cycles * whole.sample_time > _SETTLE
+        ]
     found = tare(whole, readings, load)
     limits = whole.supervisor_limits
     most = limits.torque_high if limits.measures_torque else limits.tension_high
@@ -311,23 +311,21 @@ def _given(rig: Any, motor: str | None, channel: str | None) -> "Rig":
 
 
 @contextlib.contextmanager
-def _brought_up(given: "Rig") -> Iterator[tuple["Drive", str]]:
-    """The rig's drive without power, and who it is; let go of at the end, and its torque is printed."""
+def _brought_up(given: "Rig") -> Iterator[tuple[str, Callable[[float], Iterator["DriveLook"]]]]:
+    """Who the rig's drive is, which gets no power, and looks at it for a time [s]; let go of at the end, and its torque
+    is printed.
+    """
+    from bowden.core.clock import MonotonicClock
     from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.of_rig import open_drive
+    from bowden.live.drive_look import looked_at
 
     drive = open_drive(given.drive_parameters, given.load_cell, Links())
     try:
-        yield drive, drive.bring_up()
+        say(identity := drive.bring_up())
+        yield identity, partial(looked_at, drive, MonotonicClock(), given.sample_time)
     finally:
         say_torque(drive.close(), say)
-
-
-def _looked(drive: "Drive", given: "Rig", duration: float) -> Iterator["DriveLook"]:
-    from bowden.core.clock import MonotonicClock
-    from bowden.live.drive_look import looked_at
-
-    return looked_at(drive, MonotonicClock(), given.sample_time, duration)
 
 
 def _show(look: "DriveLook", given: "Rig") -> None:

@@ -4,8 +4,7 @@ from bowden.core.units import DEGREES
 from bowden.drawing.style import COLOURS
 from bowden.paper.bench import bench_run
 from bowden.paper.experiment import Finding
-from bowden.paper.figures_of_merit import dead_zone_deg
-from bowden.paper.plots import time_and_loop
+from bowden.paper.plots import dead_zone_deg, time_and_loop
 from bowden.records.metrics import rmse
 
 

@@ -10,8 +10,7 @@ from bowden.paper.bench import adaptive as adaptive_law
 from bowden.paper.bench import bench_run, run_bench
 from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding
-from bowden.paper.figures_of_merit import dead_zone_deg
-from bowden.paper.plots import loop
+from bowden.paper.plots import dead_zone_deg, loop
 from bowden.plants.presets import paper
 from bowden.records.metrics import rmse
 

@@ -9,7 +9,7 @@ from bowden.models.drive.motor import acceleration_limit
 from bowden.paper.bench import adaptive, chirp_run, run_chirp
 from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding
-from bowden.paper.figures_of_merit import CHIRP_FREQUENCIES, chirp_gain, closed_loop_bandwidth
+from bowden.paper.plots import CHIRP_FREQUENCIES, chirp_gain, closed_loop_bandwidth
 from bowden.plants.presets import paper
 
 PUBLISHED = {"observer": 35.0, "adaptive": 31.0}

@@ -13,8 +13,8 @@ from bowden.paper import (
     fig16_bandwidth,
     fig17_energy,
     fig18_clinic,
+    gain_choice,
     sensitivity,
-    stability_map,
 )
 from bowden.paper.bench import bench_run
 from bowden.paper.claims import Claim, JudgedClaim, interval, judge, select
@@ -84,7 +84,7 @@ def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] |
         bench = {law: bench_run(law) for law in ("uncompensated", "observer", "adaptive")}
         if progress is not None:
             progress("stability map", (steps - 2) / steps)
-        findings.append(stability_map.run())
+        findings.append(gain_choice.run())
         if progress is not None:
             progress("earlier calibrations", (steps - 1) / steps)
         earlier = sensitivity.earlier()

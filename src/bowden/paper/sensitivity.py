@@ -5,7 +5,7 @@ from bowden.control.law import Law
 from bowden.core.units import DEGREES
 from bowden.paper.bench import adaptive, run_bench, run_chirp
 from bowden.paper.experiment import PageTable
-from bowden.paper.figures_of_merit import closed_loop_bandwidth
+from bowden.paper.plots import closed_loop_bandwidth
 from bowden.paper.suit_rows import five_flexions, motions_of
 from bowden.plants.presets import paper
 from bowden.plants.presets.paper import calibration

@@ -142,24 +142,35 @@ def scaled_way(way: float, faster: float, time: float, width: float, next_width:
 def _in_substeps(
     plant: Moving, body: BenchBody, applied: float, sheath: SheathState, next_sheath: SheathState, substeps: int
 ) -> BenchBody:
-    """`bench_moved` for a servo at its limits, or one that is quick beside the cycle: it turns at ends of sub-steps."""
-    servo, memory = plant.servo.substep, body.memory
+    """`bench_moved` for a servo at its limits, or one that is quick beside the cycle: it turns at ends of sub-steps.
+
+    A cycle without a turn or a limit, in a still sheath, is one exact step to the same end; the velocity one sub-step
+    `before` it follows from the sub-step's inverse.
+    """
+    servo, cycle, memory = plant.servo.substep, plant.servo.cycle, body.memory
     offset, velocity, begun, done = body.motor.position - applied, body.motor.velocity, body.motor.position, 0
     width, way, before = sheath.width, 0.0, velocity
-    widening = (next_sheath.width - width) / substeps
     inverse_width = 1.0 / width
-    for i in range(substeps):
-        before = velocity
-        moved, velocity = servo_approach(offset, velocity, servo)
-        if widening != 0.0:  # spares a still sheath the division
-            inverse_width = 1.0 / (width + (i + 1.0) * widening)
-        piece = (moved - offset) * inverse_width
-        if piece * way < 0.0:
-            at = offset + applied
-            memory = cable_advance(plant.cable, memory, begun, at, way, width + i * widening, (i - done) * servo.dt)
-            begun, done, way = at, i, 0.0
-        way += piece
-        offset = moved
+    moved = cycle.xx * offset + cycle.xv * velocity
+    speed = cycle.vx * offset + cycle.vv * velocity
+    if servo_is_free(offset, velocity, servo) and speed * velocity >= 0.0 and next_sheath.width == width:
+        way = (moved - offset) * inverse_width
+        before = (servo.xx * speed - servo.vx * moved) / (servo.xx * servo.vv - servo.xv * servo.vx)
+        offset, velocity = moved, speed
+    else:
+        widening = (next_sheath.width - width) / substeps
+        for i in range(substeps):
+            before = velocity
+            moved, velocity = servo_approach(offset, velocity, servo)
+            if widening != 0.0:  # spares a still sheath the division
+                inverse_width = 1.0 / (width + (i + 1.0) * widening)
+            piece = (moved - offset) * inverse_width
+            if piece * way < 0.0:
+                at = offset + applied
+                memory = cable_advance(plant.cable, memory, begun, at, way, width + i * widening, (i - done) * servo.dt)
+                begun, done, way = at, i, 0.0
+            way += piece
+            offset = moved
     motor = ServoState(offset + applied, velocity, (velocity - before) / servo.dt)
     left = (substeps - done) * servo.dt
     memory = cable_advance(plant.cable, memory, begun, motor.position, way, next_sheath.width, left)

@@ -19,7 +19,7 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.place import EXTENDED, REMOTE
 from bowden.hardware.drives import ak_frames as frames
-from bowden.hardware.drives.checklist import Conversation, Found, data_of, joined, refuse_torque
+from bowden.hardware.drives.checklist import Conversation, Found, refuse_torque
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.families import ak_mit
 from bowden.hardware.drives.families.ak_mit import UPLOAD, AkParameters, command_id, model_of, reply_id
@@ -106,7 +106,7 @@ class AkDrive(Driver):
         drive = self._drive
         order = self._command_id, frames.pack_command(_LIMP, self._model) if self._v3 else frames.EXIT
         for _ in range(2):
-            data = bus.ask(order, data_of(self._reply_id), 1)
+            data = bus.ask(order, lambda identifier, data: data if identifier == self._reply_id else None, 1)
             if data is None:
                 continue
             reply = frames.unpack_reply(data, *self._told_by)
@@ -126,7 +126,7 @@ class AkDrive(Driver):
                 "maker's tool, or board in [drive]",
             )
         upload = EXTENDED | UPLOAD << 8 | drive.node_id
-        if bus.wait(drive.answer_timeout, data_of(upload)) is not None:
+        if bus.wait(drive.answer_timeout, lambda identifier, _: identifier == upload or None):
             raise DriveError(
                 f"{bus.name} uploads its state by itself (frames {upload & ~EXTENDED:X}h): it is in servo mode, or "
                 "is a board V3",
@@ -329,7 +329,7 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
         if identifier in told and (v3 or 0 < reply.number <= HIGHEST):
             found[reply.number] = reply
 
-    with joined(place(drive), drive.node_id, links) as port:
+    with links.join(place(drive), f"node {drive.node_id}", lambda _: True) as port:
         bus = Conversation(port, drive.node_id, lambda identifier, _: not v3 and 0 < identifier <= HIGHEST)
         bus.wait(LISTENING, looked_at)
         if bus.foreign is not None:

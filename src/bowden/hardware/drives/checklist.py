@@ -10,18 +10,17 @@
 8. Alone still, and of a drive in fault which one.
 """
 
-import contextlib
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeVar
 
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.core.units import DEGREES
-from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.link import BusPort
 from bowden.hardware.buses.opening import Frame
-from bowden.hardware.buses.place import EXTENDED, BusPlace
+from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale
 
 LISTENING = 0.5
@@ -128,25 +127,6 @@ class Conversation:
             if said is not None:
                 return said
         return None
-
-
-def data_of(wanted: int) -> Callable[[int, bytes], bytes | None]:
-    """What a frame of one identifier says, for `Conversation.ask`."""
-    return lambda identifier, data: data if identifier == wanted else None
-
-
-@contextlib.contextmanager
-def joined(bus: BusPlace, node: int, links: Links) -> Iterator[BusPort]:
-    """A bus while somebody looks at who is on it.
-
-    Raises:
-        DriveError: it cannot be joined.
-    """
-    port = links.join(bus, f"node {node}", lambda _: True)
-    try:
-        yield port
-    finally:
-        port.leave()
 
 
 def refuse_torque(name: str, state: str, do: str) -> DriveError:

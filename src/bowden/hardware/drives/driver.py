@@ -17,7 +17,6 @@ from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.findings import INERT, LOST_TURNS, LagWatch
 from bowden.hardware.drives.joint_encoder import JointEncoder, has_encoder
 from bowden.hardware.drives.on_can import place, require
-from bowden.hardware.drives.scale import TurnCount
 from bowden.hardware.ports import Power, TorqueLeft
 
 
@@ -221,7 +220,7 @@ class Driver(ABC):
         self._led = 0  # orders to follow the target, in a row
         self._unanswered, self._most_unanswered = 0, float(MOST_UNANSWERED)
         self._target = self._written = math.nan  # of the cycle before [rad], [s]
-        self._count = TurnCount(self.turn, math.inf if found is None else found.limits.speed)
+        self._counted = math.nan, math.nan  # its position when it came last, and when that was [s]
         needs, least = self._drive.needs, 0.0 if found is None else self._least_current(found)
         self._lag = LagWatch(needs.current_limit, needs.lag_current, needs.lag_time, least)
         self._readings.begin()
@@ -270,8 +269,15 @@ class Driver(ABC):
         return float(self._errors + (self._port.errors if self._port else 0))
 
     def _check_turns(self, position: float, now: float) -> None:
-        """One that has lost count of its motor's turns is another than was brought up."""
-        if self._count.lost(position, now):
+        """One that has lost count of its motor's turns is another than was brought up.
+
+        What it reports is what it controls: it pulls at once, as far as it is wrong. So what one reading of an encoder
+        might be forgiven is not here: a change of half a turn that the motor is too slow for, where the rig says how
+        fast that may be.
+        """
+        (last, at), self._counted = self._counted, (position, now)
+        fastest = math.inf if self._found is None else self._found.limits.speed
+        if abs(position - last) > max(0.5 * self.turn, 1.5 * fastest * (now - at)):
             self._lost = True
             self._readings.found(LOST_TURNS)
 

@@ -368,7 +368,7 @@ def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:
     question = frames.subframe(frames.READ, NumberKind.INT8, Register.MODE, 1)
     question += frames.subframe(frames.READ, NumberKind.INT32, Register.MODEL, 3)
     found: dict[int, FoundDevice] = {}
-    with checklist.joined(place(drive), drive.node_id, links) as port:
+    with links.join(place(drive), f"node {drive.node_id}", lambda _: True) as port:
         bus = MoteusDialogue(port, drive)
         bus.listen(LISTENING)
 

@@ -332,7 +332,7 @@ def probe(drive: OdriveParameters, links: Links) -> list[FoundDevice]:
             elif cmd == Cmd.GET_VERSION and node in beats and (version := unpack(cmd, data)) is not None:
                 versions[node] = version
 
-    with checklist.joined(place(drive), drive.node_id, links) as port:
+    with links.join(place(drive), f"node {drive.node_id}", lambda _: True) as port:
         bus = Conversation(port, drive.node_id, lambda identifier, data: False)  # other masters do not matter here
         bus.wait(LISTENING, looked_at)
         for node in sorted(beats):

@@ -23,7 +23,6 @@ from bowden.hardware.drives.checklist import (
     Found,
     check_limits,
     check_settings,
-    joined,
     refuse_torque,
 )
 from bowden.hardware.drives.driver import Driver
@@ -403,7 +402,7 @@ def probe(drive: Any, links: Links) -> list[FoundDevice]:
         DriveError: the line cannot be used.
     """
     found, patience = [], BETWEEN + PING_BITS / drive.bitrate
-    with joined(place(drive), drive.node_id, links) as port:
+    with links.join(place(drive), f"node {drive.node_id}", lambda _: True) as port:
         for number in range(HIGHEST + 1):
             servo = ServoDialogue(port, drive, number)
             port.send_now(number, bytes((Instruction.PING,)))

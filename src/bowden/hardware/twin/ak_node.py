@@ -93,7 +93,7 @@ class AkNode(TwinNode):
         elif self._v3:
             self._obey_v3(command, now)
         elif data == frames.ENTER:
-            self._enter(now)
+            self._enter_mode(now)
         elif data == frames.EXIT:
             self._told_to_leave(now)
         elif data == frames.ZERO:
@@ -138,7 +138,7 @@ class AkNode(TwinNode):
             self._journal(now, "timeout", "")
             self._order(now)
 
-    def _enter(self, now: float) -> None:
+    def _enter_mode(self, now: float) -> None:
         if self._error or self._moded:
             return
         self._moded = True

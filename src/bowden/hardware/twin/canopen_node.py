@@ -189,18 +189,14 @@ class CanopenNode(TwinNode):
         hot = self.bench.temperature >= HOTTEST
         self._enter(step(self.state, control, edge, fault_gone=not hot), now)
 
-    def _enter(self, state: DriveState, now: float) -> None:
-        if state is self.state:
-            return
-        before, self.state = self.state, state
-        self._journal(now, "state", state.name)
+    def _entered(self, before: Any, now: float, why: str) -> None:
         if before is DriveState.FAULT:
             self.error = 0
             self._emit(frames.EMERGENCY, frames.pack_emergency(0, 0), now)
-        if state is DriveState.OPERATION_ENABLED:
+        if self.state is DriveState.OPERATION_ENABLED:
             self._power(now, on=True)
-        elif before in WITH_TORQUE and state not in WITH_TORQUE:
-            self._power(now, on=False, why=state.name)
+        elif before in WITH_TORQUE and self.state not in WITH_TORQUE:
+            self._power(now, on=False, why=why)
 
     def _stop(self, now: float, why: str) -> None:
         self._power(now, on=False, why=why)

@@ -46,6 +46,8 @@ class TwinNode(ABC):
 
     lacks: ClassVar[Mapping[str, str]] = {}
     """Faults that a drive of this family cannot have, as ``reboot`` or ``encoder_nan motor`` → why."""
+    state: Any
+    """Of its family's own machine, where that has one."""
     turn: float = 1.0
     """What `turns_lost` moves the drive's position by, in the drive's unit."""
 
@@ -112,6 +114,17 @@ class TwinNode(ABC):
     @abstractmethod
     def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
         """State, error code, 0 for none, and what else this family knows of itself."""
+
+    def _enter(self, state: Any, now: float, why: str = "") -> None:
+        """Another state, of a family whose states have names."""
+        if state is not self.state:
+            before, self.state = self.state, state
+            self._journal(now, "state", state.name)
+            self._entered(before, now, why or state.name)
+
+    def _entered(self, before: Any, now: float, why: str) -> None:
+        """What comes with a state that was not there before: torque, or none."""
+        return
 
     def _boot(self, now: float) -> None:
         """It has started, which some families say on the bus."""

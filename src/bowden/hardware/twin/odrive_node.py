@@ -176,12 +176,8 @@ class OdriveNode(TwinNode):
         self._input = frames.Target(self._setpoint, 0.0, 0.0)
         self._enter(AxisState.CLOSED_LOOP_CONTROL, now)
 
-    def _enter(self, state: AxisState, now: float, why: str = "") -> None:
-        if state is self.state:
-            return
-        self.state = state
-        self._journal(now, "state", state.name)
-        self._power(now, on=state is AxisState.CLOSED_LOOP_CONTROL, why=why or state.name)
+    def _entered(self, before: Any, now: float, why: str) -> None:
+        self._power(now, on=self.state is AxisState.CLOSED_LOOP_CONTROL, why=why)
 
     def _stop(self, now: float, why: str) -> None:
         self._enter(AxisState.IDLE, now, why)

@@ -52,7 +52,7 @@ def standard_errors(path: Path, estimate: Estimate, family: str) -> dict[str, fl
     """One standard deviation of every parameter; infinite where the data do not show it, NaN where none is stated.
 
     None is stated of a setting, nor where smoothing draws the coordinates: they trade with what is not in J.
-    `bowden.identify.cable.loop` states the loop's then.
+    `loop_of` states the loop's then.
     """
     if estimate.prior is not None:
         return dict.fromkeys(estimate.parameters, np.nan)

@@ -13,7 +13,7 @@ from bowden.core.arguments import format_value
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import CABLE_LOG_LIMIT, DEGREES, RADIANS
 from bowden.identify.cable.turns import Index, motor_noise
-from bowden.identify.log.columns import ANGLES, FACTORS, split_name
+from bowden.identify.log.columns import ANGLES, FACTORS, LENGTHS, LogColumn, split_name
 from bowden.plants.trust import Level, Trust
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None, spool_radius_mm: 
             f"the unit of the angles is {format_value(unit)}", expected=_EXPECTED, do="give one of them"
         )
     parts = [part.strip().lower() for part in unit.split(",")] if unit else [None]
-    if len(parts) > 2 or any(part not in (None, *ANGLES, "mm", "cm") for part in parts):
+    if len(parts) > 2 or any(part not in (None, *ANGLES, *LENGTHS) for part in parts):
         raise ParameterError(f"the unit of the angles is {unit!r}", expected=_EXPECTED, do="give one of them")
     counts = _counts(counts_per_turn)
     both = (parts[0], parts[-1])
@@ -146,12 +146,12 @@ def _counts(given: Any) -> list[float]:
 
 
 def angles_of(
-    columns: Mapping[str, tuple[str, str | None]], values: Mapping[str, Array], given: AngleUnits
+    columns: Mapping[str, LogColumn], values: Mapping[str, Array], given: AngleUnits
 ) -> tuple[dict[str, Angle], list[str]]:
     """Motor and joint in the units that the user gave or the log names, and what was guessed.
 
     Args:
-        columns: side → its name in the log, and the unit that the log says, or None.
+        columns: side → its column.
         values: side → (n,).
         given: see `angle_units`.
 
@@ -159,30 +159,29 @@ def angles_of(
         LogError: a length; one unit for two columns of which one names another; counts that are not whole, or of which
             nobody says how many make a turn.
     """
-    for (side, (name, found)), unit in zip(columns.items(), given.unit, strict=True):
-        if (unit or found) in ("mm", "cm") and not (side == "motor" and given.spool):
+    spool = given.spool or 0.0
+    unit_of_motor = given.unit[0] or ("mm" if spool and columns["motor"].unit is None else None)
+    units = (unit_of_motor, given.unit[1])
+    for side, unit in zip(SIDES, units, strict=True):
+        found = columns[side].unit
+        if (unit or found) in LENGTHS and not (side == "motor" and spool):
             radius = "give the radius of its spool: --spool-radius-mm 20 (spool_radius_mm= in Python)"
             do = radius if side == "motor" else "convert it, or name another column"
-        elif found not in (None, *ANGLES, "mm", "cm") and unit is None:
+        elif found not in (None, *ANGLES, *LENGTHS) and unit is None:
             do = "name another column, or give --unit where the name is wrong"
         else:
             continue
-        what = f"the {side}'s column {name!r} is in {unit or found}"
+        what = f"the {side}'s column {columns[side].name!r} is in {unit or found}"
         raise LogError(what, expected=f"an angle: {', '.join(ANGLES)}", do=do)
-    if given.spool:  # what the motor winds up is an angle from here on
-        name, found = columns["motor"]
-        per_mm = 10.0 if (given.unit[0] or found) == "cm" else 1.0
-        values = {**values, "motor": values["motor"] * per_mm / given.spool}
-        columns = {**columns, "motor": (name, "rad")}
-        given = given._replace(unit=("rad", given.unit[1] if given.unit[1] not in ("mm", "cm") else None), spool=None)
-    own = {side: found if found in ANGLES else None for side, (_, found) in columns.items()}
+    own = {side: columns[side].unit if columns[side].unit in (*ANGLES, *LENGTHS) else None for side in SIDES}
+    factors = FACTORS | {unit: length / spool for unit, length in LENGTHS.items() if spool}
     angles: dict[str, Angle] = {}
     warnings: list[str] = []
-    for side, other, unit, counts in zip(SIDES, reversed(SIDES), given.unit, given.counts_per_turn, strict=True):
-        name, named = columns[side][0], own[side] or own[other]
+    for side, other, unit, counts in zip(SIDES, reversed(SIDES), units, given.counts_per_turn, strict=True):
+        name, named = columns[side].name, own[side] or (own[other] if own[other] in ANGLES else None)
         if unit is None and counts is not None and own[side] is None:
             unit = "counts"
-        chosen, guessed = unit or named or "rad", False
+        chosen = unit or named or "rad"
         if unit is not None and own[side] not in (None, unit):
             if own[other] in (None, unit) and not given.apart:
                 apart = ",".join(own[one] or unit for one in SIDES)
@@ -192,8 +191,6 @@ def angles_of(
                     do=f"give --unit {apart} (unit='{apart}' in Python), or name the column otherwise",
                 )
             warnings.append(f"column {name!r} names {own[side]}, but {unit} was given and is taken")
-        if unit is None and own[side] is None:
-            guessed = True
         if chosen == "counts" and counts is None:
             raise LogError(
                 f"{name!r} is in counts, and nothing says how many make a turn",
@@ -207,9 +204,9 @@ def angles_of(
                 expected="whole numbers",
                 do="give its unit: --unit deg or --unit rad (unit= in Python), beside the counts per turn",
             )
-        factor = _TURN / (counts or 1.0) if chosen == "counts" else FACTORS[chosen]
-        known, count = unit is not None or named is not None, _TURN / counts if counts else 0.0
-        angles[side] = Angle(name, values[side], chosen, known, factor, guessed, count)
+        factor = _TURN / (counts or 1.0) if chosen == "counts" else factors[chosen]
+        known, guessed = unit is not None or named is not None, unit is None and own[side] is None
+        angles[side] = Angle(name, values[side], chosen, known, factor, guessed, _TURN / counts if counts else 0.0)
     if any(one.unit == "counts" for one in angles.values()) and len({*given.counts_per_turn}) == 1:
         # one number beside one side that counts is that side's: the other's encoder is not known
         angles = {side: one if one.unit == "counts" else replace(one, count=0.0) for side, one in angles.items()}
@@ -400,10 +397,10 @@ def _beyond(angle: Angle, motor: bool, place: str, value: float) -> LogError:
             "radius of its spool, which makes it rad"
             + ("; of a motor of many turns, say rad" if motor and not angle.known else ""),
         )
-    shown = f"{value:.6g}°" if angle.unit == "deg" else f"{value:.9g} counts"
+    unit = "°" if angle.unit == "deg" else f" {angle.unit}"
     return LogError(
-        f"{place}: {angle.name} is {shown}",
-        expected=f"an angle within ±{limit:.0f}{'°' if angle.unit == 'deg' else ' counts'}{turns}",
+        f"{place}: {angle.name} is {value:.9g}{unit}",
+        expected=f"an angle within ±{limit:.0f}{unit}{turns}",
         do="check the column and its unit, or remove the outlier",
     )
 

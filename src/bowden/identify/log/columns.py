@@ -67,6 +67,8 @@ _PLACES = {
 """Words in a column's name that say on which side it was measured; the last one, only where no other does."""
 ANGLES = ("deg", "rad", "turns", "counts", "mdeg", "mrad")
 """Units of an angle."""
+LENGTHS = {"mm": 1.0, "cm": 10.0}
+"""Unit of a length of cable, which a spool winds up → what one of it is [mm]."""
 _TIME_UNITS = ("s", "ms", "us", "ns")
 _NO_ANGLE = ("torque", "force", "current", "volt", "temp", "vel", "speed", "emg", "target", "command", "cmd", "ref")
 

@@ -209,8 +209,7 @@ def read_file(file: Path, layout: Layout) -> Log:
                     do=f"exchange the names {clock!r} and {other!r} in the file",
                 )
     raw, warnings = with_both(raw, rate)
-    named = {side: (raw.columns[side].name, raw.columns[side].unit) for side in SIDES}
-    angles, guessed = angles_of(named, raw.values, units)
+    angles, guessed = angles_of(raw.columns, raw.values, units)
     seconds, notes, timed = seconds_of(raw, rate, file)
     words = [f"{role} is column {one.name!r}, by a word in it" for role, one in raw.columns.items() if one.by_word]
     said = (*words, *warnings, *guessed, *notes)
@@ -249,7 +248,7 @@ def read_run(files: Sequence[Path], layout: Layout) -> Log | None:
         raws[side], lost = with_both(raw, rate)
         at[side], notes, _ = seconds_of(raws[side], rate, file)
         warnings += [f"{file.name}: {one}" for one in (*lost, *notes) if one]
-    columns = {side: (raws[side].columns[side].name, raws[side].columns[side].unit) for side in SIDES}
+    columns = {side: raws[side].columns[side] for side in SIDES}
     angles, guessed = angles_of(columns, {side: raws[side].values[side] for side in SIDES}, units)
     signals = {}
     for side in SIDES:
