@@ -11,8 +11,9 @@ import jinja2
 import numpy as np
 
 from bowden.core.nested import leaves, name_of
+from bowden.core.signals import EMERGENCY_STOP
 from bowden.export.function import called
-from bowden.export.source import comment, comments, description
+from bowden.export.source import comments, description
 from bowden.export.unit import LONGEST, Kind, Module, Public, Unit, identifier, is_number, kind_of, numbers, within
 from bowden.models.minimum_jerk import PEAK_SPEED
 from bowden.models.suit.suit_angle import SpoolMap
@@ -72,17 +73,9 @@ def files(module: Module, preamble: str, *, single: bool = False) -> dict[str, s
         header |= {unit.type(part) for kind in (*shown, *results_of(unit, one)[1]) for _, part in within(kind)}
         functions.append(_public(unit, one))
     types = [[text for name, text in unit.types.items() if (name in header) is public] for public in (True, False)]
-    defined = "\n".join(
-        f"#define {identifier(f'{module.prefix}_{name}').upper()} {unit.number(value)}{comment(meaning)}"
-        for name, (value, meaning) in module.numbers.items()
-    )
-    parts = {"h": [defined, *types[0]], "c": [*types[1], "\n\n".join(unit.constants.values())]}
-    texts = {
-        f"{module.prefix}.{end}": rendered(
-            f"module.{end}", module=module, preamble=preamble, unit=unit, functions=functions, parts=some
-        )
-        for end, some in parts.items()
-    }
+    parts = {"h": types[0], "c": [*types[1], "\n\n".join(unit.constants.values())]}
+    words = {"module": module, "preamble": preamble, "unit": unit, "functions": functions}
+    texts = {f"{module.prefix}.{end}": rendered(f"module.{end}", **words, parts=some) for end, some in parts.items()}
     return {name: "\n".join(row for line in text.split("\n") for row in broken(line)) for name, text in texts.items()}
 
 
@@ -193,6 +186,7 @@ def pages(
         "detector": detector and detector.prefix,
         "detector_state": detector and detector.arguments(detector.functions[1].kernel)["state"].name,
         "limits": rig.supervisor_limits,
+        "emergency_stop": EMERGENCY_STOP,
         "emg_rate": rate,
         "muscles": course.intent.muscles,
         "proportional": course.proportional and rig.emg.levels is not None,

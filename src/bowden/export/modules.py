@@ -10,7 +10,7 @@ from bowden.control.conditioning import Conditioned, Conditioning, condition_sta
 from bowden.control.law import Law, law_start, law_step
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
-from bowden.core.signals import EMERGENCY_STOP, DriveState, Power, Reference, Sample
+from bowden.core.signals import DriveState, Power, Reference, Sample
 from bowden.cycle.one_cycle import Filters, filtered_sample
 from bowden.export.unit import Module, Public, identifier
 from bowden.hardware.emg.listener import filters_of
@@ -92,13 +92,14 @@ def law_module(law: Law, sample_time: float, encoders: counts.Counts | SpoolMap 
     if isinstance(encoders, counts.Counts):
         conversions = {one.__name__: one for one in (counts.motor_angle, counts.joint_angle, counts.motor_counts)}
         converted = {"counts": (encoders, "how the rig's encoders count")}
+    sample = Sample(0.0, 0.0)
     constants = {
         "gains": (law.gains, "the law's gains"),
         "conditioning": (law.conditioning, "what the conditioner knows of the rig"),
         "sample_time": (float(sample_time), "length of a cycle [s]"),
     }
     return Module(
-        prefix(law),
+        re.sub(r"_+", "_", identifier(law.name)).lower(),
         f"The control law {law.name!r}: {law.source}.",
         [
             Public("start", begin_cycles, ("state",)),
@@ -108,21 +109,10 @@ def law_module(law: Law, sample_time: float, encoders: counts.Counts | SpoolMap 
             *(Public(name, one, ("return",)) for name, one in conversions.items() if encoders is not None),
         ],
         constants | converted,
-        state=state_of(law),
+        state=LawState(law.start(sample), condition_start(law.conditioning, sample)),
         parts=(("law_start", law.start_kernel), ("law_step", law.step_kernel)),
         units=law.state_units,
     )
-
-
-def state_of(law: Law) -> LawState:
-    """What the code of a law remembers, as an example."""
-    sample = Sample(0.0, 0.0)
-    return LawState(law.start(sample), condition_start(law.conditioning, sample))
-
-
-def prefix(law: Law) -> str:
-    """What every name of the law's code begins with."""
-    return re.sub(r"_+", "_", identifier(law.name)).lower()
 
 
 def safety_module(limits: Limits, filters: Filters = UNFILTERED) -> Module:
@@ -142,7 +132,6 @@ def safety_module(limits: Limits, filters: Filters = UNFILTERED) -> Module:
             "thermal": (limits.thermal, "the motor's thermal side"),
         },
         enums=(Request, Mode, DriveState, Power, Fault),
-        numbers={"emergency_stop": (EMERGENCY_STOP, "among the codes of `emergency`, for an emergency stop")},
     )
 
 

@@ -174,8 +174,6 @@ class Module:
     """Field → unit, where its class does not say."""
     enums: Sequence[type[IntEnum]] = ()
     """Whose members a caller needs."""
-    numbers: Mapping[str, tuple[float, str]] = field(default_factory=dict)
-    """Name → another number that a caller needs, and what it means."""
 
     def arguments(self, function: Callable[..., Any]) -> dict[str, Kind]:
         """Argument of a kernel → its kind; what C has none for is refused."""
@@ -290,16 +288,9 @@ class Unit:
         line = f"{head} {self.value(value, kind)};"
         return f"{line}{comment(meaning)}" if len(line) + len(meaning) < LONGEST else "\n".join([*above, line])
 
-    def extreme(self, name: str, kind: Kind) -> str:
-        """Python's `min` or `max` by its rule for NaN."""
-        called = name if kind is float else f"{name}_int"
-        self.helpers[called] = {"type": self.type(kind), "sign": "<" if name == "min" else ">"}
-        return called
-
-    def shifted(self, kind: Row) -> str:
-        """A function that moves a row on by one place."""
-        name = f"{self.type(kind)}_shifted"
-        self.helpers[name] = {"type": self.type(kind), "item": self.type(kind.of), "length": kind.length}
+    def helper(self, name: str, **words: Any) -> str:
+        """The name of a function that the file's template writes: Python's `min` or `max`, or a shift."""
+        self.helpers[name] = words
         return name
 
 
