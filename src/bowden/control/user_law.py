@@ -28,8 +28,8 @@ from bowden.control.law_parts import LAG
 from bowden.core import user_file
 from bowden.core.errors import ParameterError, article, error_context
 from bowden.core.nested import leaves, name_of
+from bowden.core.own_file import OwnFile, split
 from bowden.core.signals import Reference, Sample
-from bowden.core.user_file import UserFile
 from bowden.models.cable.bouc_wen import BoucWen
 
 _CORRECT = "correct the law there"
@@ -48,17 +48,17 @@ _EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-
 
 def is_file(name: str) -> bool:
     """True if a law is named by its file, ``my_law.py`` or ``my_law.py:NAME``, and not by its key in `LAWS`."""
-    return user_file.split(name)[0].endswith(".py")
+    return split(name)[0].endswith(".py")
 
 
-def load_file(file: UserFile, name: str) -> Law:
-    """The law of this name in a file that has been read; the only one there if the name is empty.
+def load_file(file: OwnFile) -> Law:
+    """The law in a file that has been read, by its name there; the only one if it has none.
 
     Raises:
         ParameterError: no such name, a mistake in the file (with its line), or something that is not a law.
     """
-    law = _find(user_file.run(file, "law"), name, file.path)
-    check_law(law, file.path)
+    law = _find(user_file.run(file), split(file.name)[1], Path(file.path))
+    check_law(law, Path(file.path))
     return law
 
 

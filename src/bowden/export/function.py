@@ -106,7 +106,7 @@ def called(unit: Unit, function: Any, kinds: tuple[Kind, ...]) -> tuple[str, Kin
         name = identifier(function.__name__)
         if name in unit.functions or name in unit.helpers:
             name = f"{function.__module__.rpartition('.')[2]}_{name}"
-        name = unused(name, {*unit.functions, *(f"{unit.prefix}_{one.name}" for one in unit.module.functions)})
+        name = unused(name, {*unit.functions, *(f"{unit.prefix}_{one}" for one in unit.module.functions)})
         unit.functions[name], unit.made[key] = "", None
         made = Function(unit, function, kinds, name)
         text = made.written()

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -144,18 +144,6 @@ def snake_case(name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
 
 
-class Public(NamedTuple):
-    """A kernel that other files of C call, as ``PREFIX_name``.
-
-    Its arguments have the kernel's names; the one called ``state`` is what the function reads and writes.
-    """
-
-    name: str
-    kernel: Callable[..., Any]
-    results: tuple[str, ...]
-    """In the kernel's order: ``state``, ``return`` for what the function returns, other names for pointers to it."""
-
-
 @dataclass(frozen=True)
 class Module:
     """What belongs in one pair of files."""
@@ -163,7 +151,9 @@ class Module:
     prefix: str
     """Of every name that others see, and the files' own."""
     title: str
-    functions: Sequence[Public]
+    functions: Mapping[str, tuple[Callable[..., Any], str]]
+    """Name → a kernel that other files of C call as ``PREFIX_name``, and its results in their order: ``state`` for the
+    argument that it reads and writes, ``return`` for what it returns, other names for pointers to it."""
     constants: Mapping[str, tuple[Any, str]] = field(default_factory=dict)
     """Argument → the value that is written into the code in its place, and what it is."""
     state: Any = None
@@ -233,7 +223,7 @@ class Unit:
     def number(self, value: float) -> str:
         """A number; its decimals are the shortest that give back the same bits.
 
-        >>> [Unit(Module("x", "", ()), single=one).number(-1e-300) for one in (False, True)]
+        >>> [Unit(Module("x", "", {}), single=one).number(-1e-300) for one in (False, True)]
         ['-1e-300', '-0.0f']
         """
         with np.errstate(over="ignore", under="ignore"):

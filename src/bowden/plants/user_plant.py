@@ -29,7 +29,7 @@ from bowden.control.source import Measurement
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
-from bowden.core.user_file import UserFile
+from bowden.core.own_file import OwnFile, split
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.motor import Motor
@@ -228,13 +228,13 @@ class UserPlant(NamedTuple):
         return body
 
 
-def load_file(file: UserFile, name: str) -> UserPlant:
-    """The plant of this name in a file that has been read; the only one there if the name is empty.
+def load_file(file: OwnFile) -> UserPlant:
+    """The plant in a file that has been read, by its name there; the only one if it has none.
 
     Raises:
         ParameterError: no such name, a mistake in the file (with its line), or something that is no plant.
     """
-    plant = _find(user_file.run(file, "plant"), name, file.path)
+    plant = _find(user_file.run(file), split(file.name)[1], Path(file.path))
     plant.dynamics()
     return plant
 
