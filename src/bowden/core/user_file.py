@@ -1,7 +1,7 @@
 """A user's own Python file, a law or a plant: run as a module of its own, its mistakes reported in one line.
 
-Modules beside it that it imports (`bowden.core.own_file`) are run of what was read. What is installed, and what the user
-has imported elsewhere under the same names, is not touched.
+Modules beside it that it imports (`bowden.core.own_file`) are run of what was read. What is installed, and what the
+user has imported elsewhere under the same names, is not touched.
 """
 
 import contextlib
