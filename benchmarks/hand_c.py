@@ -48,7 +48,7 @@ NUMBERS: dict[str, float] = {
     "natural_frequency": SERVO.natural_frequency,
     "damping": SERVO.damping,
     "speed_limit": SERVO.speed_limit,
-    "acceleration_limit": DYNAMICS.plant.servo.acceleration_limit,
+    "acceleration_limit": DYNAMICS.plant.servo.cycle.acceleration_limit,
     **{name: getattr(MOTOR, name) for name in ("torque_constant", "gear", "inertia", "spring", "pretension")},
     "joint_resolution": PLANT.joint_encoder.resolution,
     "joint_noise": PLANT.joint_encoder.noise,

@@ -22,7 +22,8 @@ from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_be
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo
 from bowden.models.minimum_jerk import minimum_jerk_over
-from bowden.plants.cable_plant import Cable, CablePlant
+from bowden.plants.bench import Bench
+from bowden.plants.cable import Cable
 from bowden.plants.friction_cables import sliding
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.sim.run import Case
@@ -124,7 +125,7 @@ def draw(set_name: str, number: int) -> Cell:
     saturated = families["drive"] == "saturated"
     resolution = 2.0 * math.pi / 2.0 ** int(random.integers(12, 18))
     encoder = Encoder(resolution, float(random.uniform(0.2, 1.0)) * resolution + 0.002 * RADIANS)
-    inner = CablePlant(
+    inner = Bench(
         cable=drawn_cable(random, families),
         sheath=Sheath(bend=1.0, gap=1.0, loss=loss),
         servo=Servo(frequency, damping, speed_limit=float(random.uniform(1.5, 4.0)) if saturated else math.inf),

@@ -119,23 +119,9 @@ def test_the_ends_of_its_range_are_too_much_or_none() -> None:
     assert torque.last(20).joint_torque <= -29.9
 
 
-def test_stuck_turned_and_drifting_cells_say_so_in_their_readings() -> None:
-    loop = Cell()
-    loop.drive.bring_up()
-    before = loop.last(100, Power.ON, 0.1).tension
-    loop.inject("load_stuck")
-    assert loop.last(300, Power.ON, 0.5).tension == before < loop.plant.tension - 1.0
-    loop.node.faults.clear()
-    loop.inject("load_sign")
-    assert loop.last(5, Power.ON, 0.5).tension == pytest.approx(-loop.plant.tension, abs=0.02)
-    loop.node.faults.clear()
-    loop.inject("load_drift 10")
-    assert loop.last(1001, Power.ON, 0.5).tension == pytest.approx(loop.plant.tension + 10.0, abs=0.1)
-
-
 def test_what_a_device_calls_invalid_or_an_emergency_is_none() -> None:
     cell = LoadCellReader(NODE, 0.1)
-    cell._health.begin()
+    cell._began(operational=True)
     data = (2250).to_bytes(4, "little", signed=True)
     cell.take(frames.TPDO1 + 33, data + b"\0", 1.0)
     assert cell.value(1.0) == 20.0
@@ -158,7 +144,7 @@ def test_what_a_device_calls_invalid_or_an_emergency_is_none() -> None:
 def test_no_frame_makes_more_than_its_number(identifier: int, data: bytes) -> None:
     for given_ in (NODE, PLAIN, NODE._replace(measures="torque")):
         cell = LoadCellReader(given_, 0.1)
-        cell._health.begin()
+        cell._began(operational=True)
         cell.take(identifier, data, 1.0)
         value = cell.value(1.0)
         assert math.isnan(value) or abs(value) <= max(abs(given_.value(end)) for end in given_.ends)

@@ -13,10 +13,10 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.families.moteus import MoteusParameters, command_of, motor_scale
+from bowden.hardware.drives.families.moteus import MoteusParameters, command_of
 from bowden.hardware.drives.moteus_drive import MoteusDrive
 from bowden.hardware.drives.moteus_frames import NumberKind, Register
-from bowden.hardware.drives.scale import motor_limits
+from bowden.hardware.drives.scale import motor_limits, motor_scale
 from bowden.hardware.ports import Power
 from bowden.rig.rig import Rig
 from support.memory_bus import DriverLoop

@@ -96,6 +96,10 @@ def export(
             line.
         OutputError: a folder that cannot be written, or holds other things.
 
+    Examples:
+        bowden export rig.toml --law bowden --to firmware/law
+        bowden export rig.toml --to firmware/law --target cortex-m4f --emg
+
     >>> import tempfile
     >>> from bowden import Rig, export
     >>> found = export(Rig(duration=2.0), tempfile.mkdtemp(), "uncompensated")
@@ -265,14 +269,4 @@ def _recording(rig: "Rig", law: "Law") -> str:
     return "\n".join(lines) + "\n"
 
 
-OPERATIONS = (
-    Operation(
-        "export",
-        export,
-        (
-            "bowden export rig.toml --law bowden --to firmware/law",
-            "bowden export rig.toml --to firmware/law --target cortex-m4f --emg",
-        ),
-        place=120,
-    ),
-)
+OPERATIONS = (Operation("export", export, 120),)

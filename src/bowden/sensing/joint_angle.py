@@ -92,6 +92,7 @@ class JointEstimate(NamedTuple):
     sensor: Annotated[float, Quantity("d", "rad")]
     covariance: Covariance
     expected: Annotated[float, Quantity("variance of a value, when the last one was taken", "rad²")]
+    refused: Annotated[float, Quantity("values left out, less those taken since")]
     history: History
     """z, the newest last, `stride` apart [rad]."""
     since: Annotated[float, Quantity("cycles since the history's newest")]
@@ -105,7 +106,7 @@ def estimate_start(model: JointModel, motor: float) -> JointEstimate:
     history = (cable, cable, cable, cable, cable, cable, cable, cable)
     std = model.error if model.period == 0.0 else math.inf
     expected = variance + model.offset * model.offset + model.noise * model.noise
-    return JointEstimate(cable, std, math.inf, cable, 0.0, 0.0, 0.0, 0.0, covariance, expected, history, 0.0)
+    return JointEstimate(cable, std, math.inf, cable, 0.0, 0.0, 0.0, 0.0, covariance, expected, 0.0, history, 0.0)
 
 
 @kernel
@@ -123,18 +124,19 @@ def estimate_step(model: JointModel, state: JointEstimate, motor: float, value: 
     cable = max(middle - model.play, min(middle + model.play, state.cable))
     changing, staying, sensor, covariance = predicted(model, state, abs(cable - state.cable), dt)
     history, since = remembered(model, state, cable, dt)
-    age, expected = state.age + dt, state.expected
+    age, expected, refused = state.age + dt, state.expected, state.refused
     if not math.isnan(value):
         error = value - cable_then(model, history, since, cable, dt) - changing - staying - sensor
         f = covariance.ff + covariance.fb + covariance.fd
         b = covariance.fb + covariance.bb + covariance.bd
         d = covariance.fd + covariance.bd + covariance.dd
         total = f + b + d + model.noise * model.noise
-        if error * error <= GATE * GATE * expected:
-            part, expected = 1.0 / total, total
-            age = (
-                0.0 if not math.isfinite(age) else max(0.0, age - 2.0 * model.period)
-            )  # one of many is no sign of life
+        if error * error > GATE * GATE * expected:
+            refused += 1.0
+        else:
+            part, expected, refused = 1.0 / total, total, max(0.0, refused - 1.0)
+            if refused == 0.0 or not math.isfinite(age):  # one taken among many left out is no sign of life
+                age = 0.0
             changing, staying, sensor = (
                 changing + f * part * error,
                 staying + b * part * error,
@@ -151,7 +153,7 @@ def estimate_step(model: JointModel, state: JointEstimate, motor: float, value: 
     shown = state.shown + (changing + staying - state.shown) * dt / max(dt, model.period)
     std = deviation(model, covariance, age, changing + staying)
     return JointEstimate(
-        cable + shown, std, age, cable, shown, changing, staying, sensor, covariance, expected, history, since
+        cable + shown, std, age, cable, shown, changing, staying, sensor, covariance, expected, refused, history, since
     )
 
 

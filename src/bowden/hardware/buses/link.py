@@ -35,7 +35,7 @@ class Links:
         synced: bool = False,
         restore: Callable[[], None] | None = None,
     ) -> "BusPort":
-        """Join a bus as the host of one node.
+        """Join a bus as the host of one node; its end of the bus is a context manager, which leaves.
 
         Args:
             place: of the bus.
@@ -190,6 +190,12 @@ class BusPort:
         self._link, self._wanted, self._emptied = link, wanted, emptied
         self.send, self.gather = link.send, link.gather
         self._frames: deque[Frame] = deque(maxlen=_MOST_WAITING)
+
+    def __enter__(self) -> "BusPort":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.leave()
 
     @property
     def errors(self) -> int:
