@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from itertools import pairwise
 from pathlib import Path
-from types import FrameType, ModuleType
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -57,9 +57,11 @@ def load_file(file: OwnFile) -> Law:
     Raises:
         ParameterError: no such name, a mistake in the file (with its line), or something that is not a law.
     """
-    law = _find(user_file.run(file), split(file.name)[1], Path(file.path))
-    check_law(law, Path(file.path))
-    return law
+    path = Path(file.path)
+    law, names = user_file.defined(file, Law, ("Gains", "start", "step"))
+    found: Law = _of_parts(names, path) if law is None else law
+    check_law(found, path)
+    return found
 
 
 @contextlib.contextmanager
@@ -106,16 +108,8 @@ _BY_NAME: Mapping[str, FromRig] = {
 """Values from the rig for gains of these names in a file that has the parts of a law; its `FROM_RIG` says more."""
 
 
-def _find(module: ModuleType, attribute: str, path: Path) -> Law:
-    found = user_file.chosen(module, Law, attribute, path, ("Gains", "start", "step"))
-    if found is not None:
-        law: Law = found
-        return law
-    names = vars(module)
-    try:
-        gains = names["Gains"]()
-    except Exception as error:
-        raise user_file.mistake(error, path) from error
+def _of_parts(names: Mapping[str, Any], path: Path) -> Law:
+    gains = names["Gains"]
     more = names.get("FROM_RIG", {})
     by_name: dict[str, FromRig] = {
         name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())

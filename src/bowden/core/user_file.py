@@ -20,7 +20,7 @@ from typing import Any
 
 from bowden.core.errors import ParameterError, article
 from bowden.core.kernel_cache import cache_folder
-from bowden.core.own_file import OwnFile, UserModule, digest, modules_of
+from bowden.core.own_file import OwnFile, UserModule, digest, modules_of, split
 
 _PACKAGE = Path(__file__).parents[1]
 _LIBRARIES = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})
@@ -69,20 +69,22 @@ def run(file: OwnFile) -> ModuleType:
     return module
 
 
-def chosen(module: ModuleType, kind: type, attribute: str, path: Path, parts: Sequence[str]) -> Any:
-    """The object of a kind that a file defines; None where it defines only the parts of one.
+def defined(file: OwnFile, kind: type, parts: Sequence[str]) -> tuple[Any, dict[str, Any]]:
+    """The object of a kind that a file defines, and all names in it, once it has run.
+
+    Of a file that defines only the parts of one the object is None, and the first part, a class, is made with its
+    defaults.
 
     Args:
-        module: of the file.
+        file: of which the object has the given name, or is the only one.
         kind: a law, a plant.
-        attribute: its name there; of the only one if it is empty.
-        path: of the file, for messages.
         parts: names of all the parts.
 
     Raises:
-        ParameterError: there is no such one, or several, or not all the parts.
+        ParameterError: a mistake in the file, with its line; there is no such object, or several, or not all the parts.
     """
-    names, what = vars(module), kind.__name__
+    path, attribute, what = Path(file.path), split(file.name)[1], kind.__name__
+    names = dict(vars(run(file)))
     own = [name for name, value in names.items() if isinstance(value, kind)]
     if attribute:
         if attribute in names and attribute not in own:
@@ -91,13 +93,18 @@ def chosen(module: ModuleType, kind: type, attribute: str, path: Path, parts: Se
         if attribute not in names:
             expected = f"one of {', '.join(own) or f'those of type {what}'}"
             raise ParameterError(f"{path} has no {attribute!r}", expected=expected, do="name one of them")
-        return names[attribute]
+        return names[attribute], names
     missing = [part for part in parts if part not in names]
     if len(own) > 1 or (not own and missing):
         found = f"several of type {what}: {', '.join(own)}" if own else f"no {what} and no {', '.join(missing)}"
         do = f"say which: {path.name}:NAME" if own else "write them (docs/own_law.md)"
         raise ParameterError(f"{path} has {found}", expected=f"one {what}, or {', '.join(parts)}", do=do)
-    return names[own[0]] if own else None
+    if own:
+        return names[own[0]], names
+    try:
+        return None, names | {parts[0]: names[parts[0]]()}
+    except Exception as error:
+        raise mistake(error, path) from error
 
 
 class _Beside(MetaPathFinder, Loader):
