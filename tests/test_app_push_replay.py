@@ -29,6 +29,7 @@ from bowden.models.drive.thermal import cold
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from live_runs import pushed_rig
+from support.command import Command
 
 DT = 1e-3
 
@@ -146,7 +147,9 @@ def recorded(ran: Live) -> np.ndarray:
 
 
 @pytest.mark.long
-def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_replay_of_another_law_is_that_law_above_its_own_source(
+    capsys: pytest.CaptureFixture[str], command: Command
+) -> None:
     ran, other = live("uncompensated"), live("cascaded_pid").law
     rows, source = recorded(ran), live("cascaded_pid").source()
     kept = description(columns(ran.law, source=ran.source()), told(ran), 1_700_000_000 * 10**9, 5)
@@ -168,8 +171,7 @@ def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pyte
         differences.append(clamp_offset(ran.limits, command, added) - row[at["requested_target"]])
 
     capsys.readouterr()
-    assert main.run(["log", "replay", "run.mcap", "--law", "cascaded_pid", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = command.document("log replay run.mcap --law cascaded_pid")
     assert (found["same_law"], found["law_cycles"]) == (False, CYCLES - 1)
     assert found["requested_target_largest"] == pytest.approx(np.abs(differences).max(), rel=1e-12)
     assert found["requested_target_rms"] == pytest.approx(np.sqrt(np.mean(np.square(differences))), rel=1e-12)

@@ -265,7 +265,7 @@ def test_an_elbow_loses_what_its_spool_does_and_a_braked_motor_is_no_faster_than
     braked = SUIT._replace(brake=HoldingBrake(0.1), motor=SUIT.motor._replace(supply=36.0)).dynamics().plant
     least = min(flexor_arm(angle, made.map) for angle in np.linspace(0.0, 2.0, 50))
     assert braked.speed * least == pytest.approx(SUIT.spool_radius * 36.0 / (SUIT.motor.gear * 16.7e-3))
-    held, free = braked.held.motor.friction, braked.worn.suit.motor.friction
+    held, free = braked.held.motor.friction, braked.suit.motor.friction
     assert held - free == pytest.approx(SUIT.motor.gear * 0.1)
 
 
@@ -285,7 +285,7 @@ def test_what_a_worn_suit_shows_is_where_it_is_behind_its_sensors() -> None:
     after, seen = plant.observe(plant.plant, body, normals)
     flex, joint = flex_step(PAPER_FLEX, body.flex, state.joint, 0.3, -0.4, suit.sample_time)
     motor = suit_motor(plant.plant.suit, state)
-    assert after == (state, flex)
+    assert after == (state, flex, body.brake)
     assert seen[:2] == (joint, reading(motor, 0.5, suit.motor_encoder))
     assert seen.current == state.spool.current - 0.6 * CURRENT_NOISE
     assert seen.load == cell_reading(suit.load_cell, state.interaction, 0.7)

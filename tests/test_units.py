@@ -30,8 +30,9 @@ from bowden.models.drive.geared_motor import GearedMotor
 from bowden.models.drive.servo import Servo
 from bowden.models.suit.arm import Wearer
 from bowden.models.suit.suit_cable import KINDS, SuitCable
-from bowden.plants import cables
-from bowden.plants.bench import Bench, bench_advance, bench_effort, bench_look, bench_rest, prepare_bench
+from bowden.plants import bench_body, cables
+from bowden.plants.bench import Bench
+from bowden.plants.cable import BentCable, bouc_wen
 from bowden.plants.friction_cables import lumped, sliding
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import SheathState
@@ -126,10 +127,10 @@ TENDON = Tendon(elements=6, slack=1e-4, pretension=0.3)
 CABLES = {
     "play": (Play(0.9, 0.05, 0.1), cables.play),
     "stack": (cables.Stack(0.4, np.array([0.01, 0.12]), np.array([0.2, 0.3]), 0.1), lambda one: cables.stack(*one)),
-    "Bouc–Wen": (BoucWen(offset=0.1), cables.bouc_wen),
+    "Bouc–Wen": (BoucWen(offset=0.1), bouc_wen),
     "static": (
-        cables.BoucWenParameters(BoucWen(), StaticTerms(np.array([0.01]), np.array([0.02]), 0.3, 0.8)),
-        lambda one: cables.bouc_wen(*one),
+        BentCable(BoucWen(), StaticTerms(np.array([0.01]), np.array([0.02]), 0.3, 0.8)),
+        lambda one: bouc_wen(*one),
     ),
     "branches": (BENT, cables.generalised_play),
     "sliding": (TENDON, sliding),
@@ -156,7 +157,8 @@ def test_a_cable_knows_no_unit(name: str, unit: str, monkeypatch: pytest.MonkeyP
         cable, motors = make(units.counted(parameters)), [units.factor("rad") * at for at in COURSE]
         memory, rows = cable.start(cable.prepared, motors[0], 1.2, 0.95), []
         for before, after in itertools.pairwise(motors):
-            memory = cable.advance(cable.prepared, memory, before, after, 1.2, 0.95, units.factor("s") * 0.01)
+            way, dt = (after - before) / 1.2, units.factor("s") * 0.01
+            memory = cable.advance(cable.prepared, memory, before, after, way, 1.2, dt)
             seen = cable.look(cable.prepared, memory, after, 1.2, 0.95)
             rows.append((seen.joint / units.factor("rad"), seen.torque / units.factor("N·m"), seen.h))
         return np.array(rows)
@@ -168,18 +170,21 @@ def test_a_cable_knows_no_unit(name: str, unit: str, monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize("unit", ["time", "angle", "mass"])
 @pytest.mark.parametrize("servo", [Servo(), Servo(speed_limit=2.0, acceleration_limit=200.0)], ids=["free", "limited"])
-def test_the_bench_knows_no_unit(servo: Servo, unit: str) -> None:
+def test_the_bench_knows_no_unit(servo: Servo, unit: str, monkeypatch: pytest.MonkeyPatch) -> None:
     units = Units(rad=2.0) if unit == "angle" else MECHANICAL[unit]
 
     def moved(units: Units) -> NDArray[np.float64]:
-        bench, rows = prepare_bench(units.counted(Bench(servo=servo))), []
-        body, sheath = bench_rest(bench, 0.0, SheathState(3.0, 1.0, 1.0)), SheathState(3.0, 1.0, 1.0)
+        bench, rows = units.counted(Bench(servo=servo)).dynamics(), []
+        for name, part in bench.parts.items():
+            monkeypatch.setattr(bench_body, name, part)
+        plant, sheath = bench.plant, SheathState(3.0, 1.0, 1.0)
+        body = bench.rest(plant, 0.0, sheath)
         for k, at in enumerate(COURSE):
             after = SheathState(3.0, 1.0 + 0.2 * math.sin(k), 1.0 - 0.01 * math.sin(k))
-            body = bench_advance(bench, body, units.factor("rad") * at, sheath, after)
-            effort = 0.0 if unit == "angle" else bench_effort(bench, body, after)
+            body = bench.advance(plant, body, units.factor("rad") * at, sheath, after)
+            effort = 0.0 if unit == "angle" else bench.effort(plant, body, after)
             sheath = after
-            seen = bench_look(bench, body)
+            seen = bench.look(plant, body)
             scales = ("rad", "rad", "rad/s", "rad/s²")
             rows.append([effort, seen.h, *(x / units.factor(of) for x, of in zip(seen[:4], scales, strict=True))])
         return np.array(rows)

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.export.files import files, results_of
-from bowden.export.kinds import is_number, numbers
-from bowden.export.readme import FLAGS
-from bowden.export.unit import Constant, Module, Unit
+from bowden.export.files import FLAGS, files, results_of
+from bowden.export.unit import Module, Unit, is_number, numbers
 
 COMPILER = shutil.which("cc")
 Array = NDArray[np.float64]
@@ -67,7 +65,7 @@ class Exported:
         unit = Unit(module, single=single)
         (public,) = (one for one in module.functions if one.name == name)
         _, kinds, _ = results_of(unit, public)
-        given = [pair for pair in public.kinds.items() if not isinstance(public.given.get(pair[0]), Constant)]
+        given = [pair for pair in module.arguments(public.kernel).items() if pair[0] not in module.constants]
         results = [
             (f"got_{called}" if called != "state" else called, kind)
             for called, kind in zip(public.results, kinds, strict=True)

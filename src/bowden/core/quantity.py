@@ -44,6 +44,7 @@ _SUFFIX = {
     "N·m/rad": "_nm_per_rad",
     "N·m·s/rad": "_nms_per_rad",
     "A": "_a",
+    "J": "_j",
     "V": "_v",
     "mV": "_mv",
     "N/mV": "_n_per_mv",

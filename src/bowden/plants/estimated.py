@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from bowden.control.source import Measurement
 from bowden.core.kernel import cos, kernel, placeholder, sin
 from bowden.core.signals import Sample
+from bowden.models.drive.encoder import Encoder
 from bowden.plants.plant import Dynamics, SheathState, plain
+from bowden.plants.settled_estimate import settled_estimate
 from bowden.sensing.joint_angle import LENGTH, History, JointEstimate, JointModel, estimate_start, estimate_step
 
 Array = NDArray[np.float64]
@@ -170,6 +172,14 @@ class Estimated:
     inner: Any
     model: JointModel
 
+    @property
+    def joint_encoder(self) -> Encoder:
+        """See `Plant.joint_encoder`: a count is by how much the sensor's noise moves the estimate in a cycle."""
+        return settled_estimate(self.model, self.inner.sample_time).step
+
+    def _replace(self, **changes: Any) -> "Estimated":
+        return replace(self, inner=self.inner._replace(**changes))
+
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name == "inner":
             raise AttributeError(name)
@@ -211,3 +221,8 @@ class Estimated:
     def describe(self) -> dict[str, Any]:
         """See `Plant.describe`."""
         return {**self.inner.describe(), "joint_model": plain(self.model)}
+
+
+def measured_plant(plant: Any) -> Any:
+    """The plant as if an encoder measured its joint."""
+    return plant.inner if isinstance(plant, Estimated) else plant

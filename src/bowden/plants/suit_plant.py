@@ -7,16 +7,22 @@ The flexor has pulled in r_f·θ and the arm gives E(φ) of it back; the extenso
 as `bowden.models.suit.suit_cable` says, in a sheath whose bend is that of the scenario and `posture`·φ more. A sub-step
 is semi-implicit: cables from the angles, then speeds with the stiffness and damping of the sub-step's end, then angles.
 
+A holding brake of the drive is Coulomb friction at the motor's shaft while it grips, N·T at the spool, so that a load
+beyond it turns the shaft. The drive holds the motor by it, and gives no current meanwhile; its integral begins again at
+zero.
+
 The kernels run in a compiled loop (`bowden.sim.run`), and one cycle a call in a live twin.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, noinline, sqrt
+from bowden.core.nested import flat
 from bowden.models.cable.sheath import Sheath, slope_factor, width
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_motor, turn_spool
+from bowden.models.drive.holding_brake import HELD, BrakeState, HoldingBrake, brake_begin, brake_step, grips
 from bowden.models.drive.thermal import Thermal, ThermalState, warm
 from bowden.models.suit.arm import Arm, Wearer, gravity_torque, passive_torque, wearer_torque
 from bowden.models.suit.flex_sensor import FlexSensor, FlexState, flex_start, flex_step
@@ -242,13 +248,19 @@ class WornSuit(NamedTuple):
     """[s]"""
     settling: int
     """Cycles at rest before a run."""
+    brake: HoldingBrake
+    held: PreparedSuit
+    """The suit while its brake grips."""
+    speed: float
+    """Of the unloaded motor, in the joint's coordinate at its fastest [rad/s]."""
 
 
 class WornBody(NamedTuple):
-    """The suit, and what its flex sensor remembers."""
+    """The suit, what its flex sensor remembers, and the brake."""
 
     suit: SuitState
     flex: FlexState
+    brake: BrakeState
 
 
 class WornColumns(NamedTuple):
@@ -286,15 +298,17 @@ WORN_COLUMNS = {
     "wearer_torque": "N·m",
     "winding_temperature": "°C",
 }
+BRAKED_COLUMNS = WORN_COLUMNS | {"brake": "1"}
+"""The suit's columns, and the brake's phase."""
 
 
 @kernel
 def worn_rest(plant: WornSuit, motor: float, sheath: SheathState) -> WornBody:
-    """See `bowden.plants.plant`: held there until the arm hangs in balance."""
+    """See `bowden.plants.plant`: held there until the arm hangs in balance, its brake free."""
     state, bends = suit_start(plant.suit, motor, motor, sheath.bend), Bends(sheath.bend, sheath.bend)
     for _ in range(plant.settling):
         state = suit_step(plant.suit, state, motor, True, bends, plant.wearer, plant.dt)
-    return WornBody(state, flex_start(state.joint))
+    return WornBody(state, flex_start(state.joint), brake_begin(motor))
 
 
 @kernel
@@ -302,8 +316,14 @@ def worn_advance(
     plant: WornSuit, body: WornBody, applied: float, sheath: SheathState, next_sheath: SheathState
 ) -> WornBody:
     """See `bowden.plants.plant`; the posture adds its own to the sheath's bend."""
+    suit, brake, powered, made = body.suit, body.brake, plant.powered, plant.suit
+    if plant.brake.holding_torque > 0.0:
+        brake = brake_step(plant.brake, brake, applied, suit_motor(made, suit), True, plant.speed, plant.dt)
+        applied, powered = brake.sent, powered and brake.phase != HELD
+        if grips(brake):
+            made = plant.held
     bends = Bends(sheath.bend, next_sheath.bend)
-    return WornBody(suit_step(plant.suit, body.suit, applied, plant.powered, bends, plant.wearer, plant.dt), body.flex)
+    return WornBody(suit_step(made, suit, applied, powered, bends, plant.wearer, plant.dt), body.flex, brake)
 
 
 @kernel
@@ -314,7 +334,7 @@ def worn_observe(plant: WornSuit, body: WornBody, normals: Array) -> tuple[WornB
     motor = reading(suit_motor(plant.suit, state), normals[2], plant.motor_encoder)
     current = state.spool.current + CURRENT_NOISE * normals[3]
     load = cell_reading(plant.load_cell, state.interaction, normals[4])
-    return WornBody(state, flex), Measurement(joint, motor, current, load)
+    return WornBody(state, flex, body.brake), Measurement(joint, motor, current, load)
 
 
 @kernel
@@ -341,3 +361,9 @@ def worn_look(plant: WornSuit, body: WornBody) -> WornColumns:
         state.wearer,
         state.motor_heat.winding,
     )
+
+
+@kernel
+def braked_look(plant: WornSuit, body: WornBody) -> Any:
+    """See `bowden.plants.plant`: `BRAKED_COLUMNS`."""
+    return flat((worn_look(plant, body), body.brake.phase))

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from bowden.core.errors import ParameterError
 from bowden.rig.config import dotted, explained, read_toml
-from bowden.study.distributions import KINDS, WANTED, Distribution, Value, distribution
+from bowden.study.distributions import KINDS, Distribution, Value
 from bowden.study.schema import DistributionSection, FaultSection, KnownSection, StudyFile
 
 _CORRECT = "correct it there"
@@ -75,6 +75,6 @@ def _spread(key: str, given: DistributionSection, path: Path) -> Distribution:
             f"{path}: {where} is {kind} with low or high", expected="these with normal alone", do="delete them"
         )
     try:
-        return distribution(kind, values)
+        return Distribution(kind, tuple(values))
     except ParameterError as error:
-        raise ParameterError(f"{path}: {where}: {error.what}", expected=WANTED[kind], do=_CORRECT) from error
+        raise ParameterError(f"{path}: {where}: {error.what}", expected=KINDS[kind], do=_CORRECT) from error

@@ -70,7 +70,7 @@ def load(path: Path, over: Rig | None = None, *, own_law: bool = False) -> Study
                 f"{path}: vary has {key!r}, which changes nothing here", expected=missing, do="add that to [set]"
             )
     columns = tuple(Column(name, _unit(name, known), spread) for name, spread in spreads.items())
-    study = Study(path, file, rig, given, laws, columns)
+    study = Study(path, file, rig, given, columns)
     if rig.pushing is not None and "suit.drive_integral_per_s" not in file.vary:
         try:  # where it is varied, each run says which
             rig.pushing.refuse_integral()

@@ -1,37 +1,28 @@
 """A study as plain bytes, for processes that may run on another machine, and what they do with it."""
 
-import json
+import pickle
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bowden.control import user_law
-from bowden.control.law_file import LawFile, loaded
 from bowden.core.errors import ParameterError
-from bowden.rig.rig import Rig
-from bowden.study.distributions import distribution
 from bowden.study.rows import table_of
-from bowden.study.schema import StudyFile
-from bowden.study.study import Column, Study, software
+from bowden.study.study import Study, software
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 
 def packed(study: Study) -> bytes:
-    """The study with the models, recordings and laws that it needs."""
-    document = {
-        "software": software(),
-        "path": str(study.path),
-        "file": study.file.model_dump(mode="json", exclude_none=True, exclude={"vary", "known", "fault"}),
-        "known": study.file.known is not None,
-        "rig": study.rig.document(),
-        "laws": [law if isinstance(law, str) else law.packed() for law in study.given],
-        "columns": [[c.name, c.unit, c.spread.kind, list(c.spread.given)] for c in study.columns],
-    }
-    return json.dumps(document).encode()
+    """The study with the models, recordings and laws that it needs.
+
+    Raises:
+        ParameterError: a plant or a reference that exists only in this process.
+    """
+    study.rig.document()  # refuses what other processes cannot have
+    return pickle.dumps((software(), pickle.dumps(study)))
 
 
 @lru_cache(2)
@@ -41,18 +32,15 @@ def unpacked(pack: bytes) -> Study:
     Raises:
         ParameterError: it comes from another version of the package.
     """
-    document: dict[str, Any] = json.loads(pack)
-    if document["software"] != software():
+    theirs, study = pickle.loads(pack)
+    if theirs != software():
         raise ParameterError(
-            f"a worker has bowden {software()}, and the command {document['software']}",
+            f"a worker has bowden {software()}, and the command {theirs}",
             expected="the same software on both",
             do="install it there",
         )
-    file = StudyFile.model_validate(document["file"] | ({"known": {}} if document["known"] else {}))
-    given = tuple(law if isinstance(law, str) else LawFile.unpacked(law) for law in document["laws"])
-    laws = tuple(loaded(law) for law in given)
-    columns = tuple(Column(name, unit, distribution(kind, given)) for name, unit, kind, given in document["columns"])
-    return Study(Path(document["path"]), file, Rig.unpack(document["rig"]), given, laws, columns)
+    found: Study = pickle.loads(study)
+    return found
 
 
 def compute(pack: bytes, first: int, last: int) -> "pa.Table":

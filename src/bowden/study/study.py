@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ import numpy as np
 from bowden import __version__
 from bowden.control import Law
 from bowden.control.knowledge import Knowledge
-from bowden.control.law_file import LawFile
+from bowden.control.law_file import LawFile, loaded
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_cache import source_hash
@@ -22,7 +22,7 @@ from bowden.plants.bends import RandomBend
 from bowden.rig.rig import Rig
 from bowden.sim.injected import Injected, SensorFault
 from bowden.sim.run import Case
-from bowden.study.distributions import Distribution, Value, describe
+from bowden.study.distributions import Distribution, Value
 from bowden.study.keys import simulated, with_values
 from bowden.study.schema import KnownSection, StudyFile
 
@@ -67,9 +67,15 @@ class Study:
     """With what [set] changes, and the study's duration."""
     given: tuple[str | LawFile, ...]
     """The laws as they are named."""
-    laws: tuple[Law, ...]
-    """With their own gains."""
     columns: tuple[Column, ...]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    @cached_property
+    def laws(self) -> tuple[Law, ...]:
+        """With their own gains."""
+        return tuple(map(loaded, self.given))
 
     @property
     def duration(self) -> float:
@@ -197,7 +203,7 @@ class Study:
             "duration_s": self.duration,
             "rig": simulated(self.rig),
             "plant": self.plant_hash,
-            "draws": {column.name: describe(column.spread) for column in self.columns},
+            "draws": {column.name: {column.spread.kind: list(column.spread.given)} for column in self.columns},
             "known": self.file.known is not None,
             "files": files,
         }
