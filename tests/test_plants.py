@@ -21,7 +21,6 @@ from bowden.models.cable.bouc_wen_static import StaticTerms
 from bowden.models.cable.sheath import Sheath
 from bowden.models.cable.sheath_path import BendPath, constant_bend, random_bend, scripted_bend
 from bowden.models.drive.servo import Servo
-from bowden.models.suit.arm import Wearer
 from bowden.plants import cables
 from bowden.plants.bench import Bench
 from bowden.plants.bends import Bend, ConstantBend, RandomBend, ScriptedBend
@@ -29,7 +28,7 @@ from bowden.plants.cable import bouc_wen
 from bowden.plants.plant import Plant
 from bowden.plants.plant_file import load
 from bowden.plants.suit_parts import Suit
-from bowden.plants.transmission import measured_response, transmission, unrest
+from bowden.plants.transmission import measured_response, transmission
 from bowden.plants.user_plant import UserPlant
 from bowden.records.metrics import is_stable
 from bowden.rig.rig import Rig
@@ -216,12 +215,3 @@ def test_a_rig_simulates_the_model_that_identification_recommends(shared_data: P
     trace = simulate(rig.moved, rig.fitted("bowden"), rig.trajectory, duration=5.0, initial_motor=rig.start_motor)
     assert trace.settings["plant"]["cable"]["kind"] == "generalised_play"
     assert trace["joint"][0] == pytest.approx(rig.begin, abs=1e-9)
-
-
-def test_a_held_joint_moves_with_a_wearer_who_moves_and_with_no_other() -> None:
-    calm = Suit(wearer=Wearer(share=0.5))
-    for suit, moves in ((calm, False), (calm._replace(wearer=Wearer(share=0.5, tremor=0.5)), True)):
-        found = unrest(suit, np.pi, STROKE, 0.5)
-        assert (found.span > 0.01) is moves
-        assert found.off == unrest(calm, np.pi, STROKE, 0.5).off
-    assert unrest(BENCH, np.pi, STROKE, 0.5).span == 0.0
