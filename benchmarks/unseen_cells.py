@@ -110,12 +110,14 @@ def random_of(set_name: str, number: int) -> np.random.Generator:
     return np.random.default_rng([16, SETS[set_name], number])
 
 
-def draw(set_name: str, number: int) -> Cell:
-    """The cell of that number in that set."""
+def draw(set_name: str, number: int, rate: float = 0.0) -> Cell:
+    """The cell of that number in that set; where a rate is given, with that clock and the same delay [Hz]."""
     random = random_of(set_name, number)
     families = {part: _one_of(random, weights) for part, weights in FAMILIES.items()}
     dt = float(random.choice([4e-3, 2e-3, 1e-3, 5e-4], p=[0.15, 0.2, 0.45, 0.2]))
     delay = int(random.integers(1, 9))
+    if rate:
+        dt, delay = 1.0 / rate, max(1, round(delay * dt * rate))
     stroke = float(random.uniform(20.0, 90.0)) * RADIANS
     motion = _motion(random, families, stroke)
     path, physical = _sheath_path(random, families["sheath"], motion), families["cable"] in ("capstan", "slack")

@@ -52,8 +52,7 @@ def test_an_angle_that_comes_no_more_is_silent_and_one_that_never_came_is_not() 
 
 def shown_to(monkeypatch: pytest.MonkeyPatch, look: DriveLook) -> None:
     """Let the commands see this, without a drive."""
-    monkeypatch.setattr(drive, "_brought_up", lambda _: contextlib.nullcontext((None, "it")))
-    monkeypatch.setattr(drive, "_looked", lambda *_: iter([look]))
+    monkeypatch.setattr(drive, "_brought_up", lambda _: contextlib.nullcontext(("it", lambda _: iter([look]))))
 
 
 def test_a_drive_that_falls_silent_under_monitor_is_said(

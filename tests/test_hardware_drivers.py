@@ -268,7 +268,7 @@ def test_nobody_and_another_master_are_told_before_anything_is_said(name: str) -
 def _links(bus: can.BusABC) -> Any:
     from bowden.hardware.buses.link import Links
 
-    return Links(bus)
+    return Links(bus, bus)
 
 
 @ANSWERING

@@ -95,8 +95,9 @@ def test_boards_with_a_prefix_are_heard_by_hosts_with_the_same_one_alone() -> No
     assert bus.drive.read(bus.time).foreign == 0.0
     bus.put(0x0123_8001 | EXTENDED, b"\x01\x00\x0a")
     assert bus.drive.read(bus.time).foreign == 1.0
+    other = Bench(drive)
     with pytest.raises(DriveError, match="no moteus board answers as node 1"):
-        MoteusDrive(DRIVE, Links(Bench(drive))).bring_up()
+        MoteusDrive(DRIVE, Links(other, other)).bring_up()
 
 
 def test_a_command_never_leads_out_of_the_rigs_range_should_it_be_the_last() -> None:

@@ -167,7 +167,7 @@ def on_one_line(drives: list[Any]) -> tuple[MemoryBus, list[Any]]:
     bus, family = MemoryBus(), family_of(drives[0])
     for drive in drives:
         bus.attach(family.node()(drive, bench_at(bus.time), bus.put, bus.note))
-    links = Links(bus)
+    links = Links(bus, bus)
     opened = [family.open(drive, links) for drive in drives]
     for one in opened:
         one.bring_up()

@@ -81,7 +81,7 @@ class ByHand:
 
 def by_hand(rig: Rig, degrees: float = 45.0, said: str = "45\n") -> tuple[float, float, float]:
     bus = DriverLoop(REAL, {(0x6065, 0): 1 << 30}, in_hand)
-    drive = CanopenDrive(rig.drive_parameters, Links(bus))
+    drive = CanopenDrive(rig.drive_parameters, Links(bus, bus))
     drive.bring_up()
     somebody = ByHand(bus, degrees, said)
     told, before, after = turned(drive, somebody.lines, somebody.heard.append, somebody, 1e-3)
@@ -174,7 +174,7 @@ def test_a_sensor_at_the_joint_is_confirmed_by_hand_as_an_encoder_is(gain: float
         port = free.getsockname()[1]
     rig = Rig(drive=REAL, joint_sensor={"source": "imu", "stream": f"udp:{port}"})
     bus = DriverLoop(REAL, {(0x6065, 0): 1 << 30}, in_hand)
-    drive = CanopenDrive(rig.drive_parameters, Links(bus))
+    drive = CanopenDrive(rig.drive_parameters, Links(bus, bus))
     somebody = BesideSensor(bus, 45.0, "45\n", port, gain)
     threading.Timer(0.1, somebody.send, [0.0]).start()
     sensor = RestingSensor(rig.joint_sensor, 1e-3)
@@ -233,7 +233,8 @@ def test_no_run_powers_a_motor_that_nobody_has_confirmed(word: str, tmp_path: Pa
 
 
 def found_serial(number: int) -> str:
-    drive = CanopenDrive(REAL, Links(DriverLoop(REAL, {(0x1018, 4): number})))
+    bus = DriverLoop(REAL, {(0x1018, 4): number})
+    drive = CanopenDrive(REAL, Links(bus, bus))
     drive.bring_up()
     drive.close()
     return serial_of(drive)

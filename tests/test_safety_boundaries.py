@@ -82,14 +82,20 @@ def changed(state: Any, changes: Changes) -> Any:
     return map_leaves(state, lambda path, old: type(old)(changes.get(name_of(path), old)))
 
 
-def cycle(*changes: Changes, by: Any = supervise) -> tuple[SupervisorState, Verdict]:
-    """One cycle of a rig in order, but for changes such as {"reading.motor": 0.6}; the last of a name counts."""
+def inputs(*changes: Changes) -> tuple[Limits, SupervisorState, Observed, float]:
+    """A rig in order, but for changes such as {"reading.motor": 0.6, "motor.speed": 1.0}; the last of a name counts."""
     parts = dict(ORDER)
     for name, value in (item for one in changes for item in one.items()):
         part, _, field = PLACES.get(name, name).partition(".")
         parts[part] = changed(parts[part], {field: float(value)})
     observed = parts["observed"]._replace(reading=parts["reading"])
-    return by(parts["limits"], parts["state"], observed, parts["law"].requested_target, DT)
+    return parts["limits"], parts["state"], observed, parts["law"].requested_target
+
+
+def cycle(*changes: Changes, by: Any = supervise) -> tuple[SupervisorState, Verdict]:
+    """One cycle of it."""
+    made: tuple[SupervisorState, Verdict] = by(*inputs(*changes), DT)
+    return made
 
 
 def faults(*changes: Changes) -> set[Fault]:
@@ -422,8 +428,26 @@ REFUSED = {
 """What is observed with power and without it, and what it is where it is no number."""
 
 
-def test_every_fault_has_its_boundary() -> None:
-    assert {edge[0] for edge in EDGES} | {*REFUSED.values(), *DRIVE} == set(Fault)
+PLAINLY: dict[Fault, Changes] = {
+    Fault.MOTOR_JUMP: {"reading.motor": 1.5},
+    Fault.DRIVE_DROPPED: {"reading.drive_state": 1.0},
+    Fault.DRIVE_FAULT: {"reading.drive_state": 6.0},
+    Fault.SECOND_MASTER: {"reading.foreign": 1.0},
+}
+"""What shows a fault that has no limit, or is bridged at its limit."""
+
+
+@pytest.mark.parametrize("fault", list(Fault), ids=lambda fault: fault.name)
+def test_each_fault_is_seen_first_and_has_its_reaction_in_its_time(fault: Fault) -> None:
+    shown = [PLAINLY[fault]] if fault in PLAINLY else [{**e[4], e[1]: e[3]} for e in EDGES if e[0] == fault]
+    reached = Reaction.NONE
+    for changes in shown:
+        limits, state, observed, target = inputs(changes)
+        for k in range(1 + math.ceil(fault.within / DT)):
+            state, verdict = supervise(limits, state, observed, target, DT)
+            assert fault in of(verdict.faults) or k > 0
+            reached = max(reached, verdict.reaction)
+    assert reached >= fault.then
 
 
 @pytest.mark.parametrize("name", REFUSED)

@@ -3,7 +3,7 @@
 import ast
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -12,7 +12,6 @@ import pytest
 from bowden.core.nested import flat, names
 from bowden.core.signals import DriveReading
 from bowden.hardware.ports import Power
-from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import ThermalState, cold, rested, warm
 from bowden.safety import faults
 from bowden.safety.faults import AT_ONCE, EVENTUALLY, LATCHING, Fault, Reaction, bits_of, of, worst_reaction
@@ -162,23 +161,6 @@ def test_a_drive_that_keeps_its_torque_is_found_in_every_mode_without_power(keep
         assert {v.faults for v in follow(innocent, LIMITS, stopped)} == {0.0}
 
 
-PULLS_UNPOWERED = [(1.2, NAN, 1, True), (1.2, 2.0, 0, True), (1.2, 0.0, 1, False), (0.9, NAN, 1, False)]
-PULLS_UNPOWERED += [(-9.0, NAN, 1, False)]
-"""Speed [rad/s], current [A], whether it is measured, whether the drive is found to have torque."""
-
-
-@pytest.mark.parametrize("row", PULLS_UNPOWERED)
-def test_a_motor_that_pulls_without_power_is_found_where_its_current_is_unknown(
-    row: tuple[float, float, float, bool],
-) -> None:
-    """Not one that a limb drags, or that a hand turns, which is slower or has a current of nothing."""
-    speed, current, measured, found = row
-    limits = LIMITS._replace(measures_current=bool(measured))
-    turned = [(seen(drive_state=1.0, current=current, motor=0.5 + speed * DT * i), 0.5) for i in range(150)]
-    verdicts = follow(turned, limits, begin(limits, READING, COLD))
-    assert any(Fault.NOT_DISABLED in of(verdict.faults) for verdict in verdicts) is found
-
-
 def test_a_late_cycle_is_judged_by_when_its_sample_was_taken() -> None:
     """Cycle 100 is 6 ms late: it reads what was sampled in time, and the next one what was sampled 7 ms later."""
     speed = 0.9 * LIMITS.joint_speed
@@ -198,40 +180,6 @@ def test_a_late_cycle_is_judged_by_when_its_sample_was_taken() -> None:
         Fault.JOINT_JUMP,
         Fault.MOTOR_JUMP,
     }, "what it is without the sample's age"
-
-
-def test_a_reading_after_a_gap_is_judged_by_the_whole_gap() -> None:
-    """At 7 rad/s, with two of three readings missing."""
-    rows = []
-    for k in range(90):
-        way = 0.5 + 7.0 * DT * (k - k % 3)
-        rows.append((seen(motor=way, joint=0.9 * way, motor_age=k % 3, joint_age=k % 3), 0.5))
-    loose = LIMITS._replace(jump=1e-6, tracking=9.0, joint_speed=6.5, motor_speed=7.5)
-    assert {v.faults for v in follow(rows, loose, running(loose))} == {0.0}
-
-
-def moving(limits: Limits = LIMITS) -> Iterator[Cycle]:
-    """The law swings the motor; the servo follows it as its model says."""
-    state, command, before = running(limits), 0.5, 0.5
-    x, v = 0.5, 0.0
-    for k in range(400):
-        x, v = servo_predict(x, v, before, limits.servo_frequency, limits.servo_damping, DT)
-        before, command = command, 0.5 + 0.45 * math.sin(15.0 * k * DT)
-        yield seen(motor=x, joint=0.9 * x, current=2.0 + x), command
-    assert state
-
-
-def moved(**changes: Callable[[int, float], float]) -> list[Cycle]:
-    """The same with what an encoder makes of it: name → function of the cycle and the true value."""
-    rows = []
-    for k, (observed, requested_target) in enumerate(moving()):
-        wrong = {name: change(k, getattr(observed.reading, name)) for name, change in changes.items()}
-        rows.append((observed._replace(reading=observed.reading._replace(**wrong)), requested_target))
-    return rows
-
-
-def test_motion_in_order_trips_nothing() -> None:
-    assert {(v.mode, v.faults) for v in follow(moving())} == {(Mode.RUNNING, 0.0)}
 
 
 def strokes(degrees: float, cycles: int = 3000) -> list[Cycle]:

@@ -174,13 +174,3 @@ def test_a_sensor_that_stands_still_is_doubted() -> None:
     deviation = np.array([one.std for one in followed(IMU, motor, frozen)])
     assert deviation[1500:2000].max() < 2.0 * RADIANS
     assert deviation[2000:3500].max() > 9.0 * RADIANS
-
-
-def test_compiled_and_interpreted_are_one() -> None:
-    motor = strokes(200)
-    state = other = estimate_start(IMU, motor[0])
-    for k, angle in enumerate(motor):
-        value = angle if k % 10 == 0 else math.nan
-        state = estimate_step(IMU, state, angle, value, DT)
-        other = compiled(estimate_step)(IMU, other, angle, value, DT)
-        assert flat(state) == pytest.approx(flat(other), rel=1e-12, abs=1e-14)

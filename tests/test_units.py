@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from bowden.control import LAWS
 from bowden.control.admittance.interaction import Doubt
-from bowden.control.admittance.push import Push, Rest
+from bowden.control.admittance.push import Push, Rest, push_start, push_step
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.conditioning import Conditioning, condition_start, condition_step
 from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law
+from bowden.control.source import Measurement
+from bowden.core.kernel import compiled
 from bowden.core.nested import flat, numbers_of
 from bowden.core.signals import Reference, Sample
 from bowden.models.cable.backlash import Play
@@ -34,10 +36,12 @@ from bowden.plants.cable import BentCable, bouc_wen
 from bowden.plants.friction_cables import lumped, sliding
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import SheathState
+from bowden.plants.pushing import chain_of, ports_of, push_of
 from bowden.plants.suit_linear import linear_suit
 from bowden.plants.suit_parts import Suit
 from bowden.plants.suit_plant import worn_advance, worn_rest
-from bowden.plants.suit_push import chain_of, ports_of, push_of
+from bowden.sensing.intent import IntentSettings, intent_start, intent_step, proportional
+from bowden.sensing.joint_angle import JointModel, estimate_start, estimate_step
 from support.units import Units
 
 DT = 1e-3
@@ -45,15 +49,15 @@ TIME_OR_ANGLE = pytest.mark.parametrize("units", [Units(s=0.5), Units(rad=2.0)],
 
 
 def courses(law: Law, units: Units) -> tuple[NDArray[np.float64], list[float]]:
-    """Commands along a noisy stroke with a play of 0.1 rad, and the law's last state, each as SI would have it."""
+    """Commands along three noisy strokes with a play of 0.1 rad, and the law's last state, each as SI would have it."""
     time, random = np.arange(1500) * DT, np.random.default_rng(2)
-    late, commands = 0.6 * np.sin(3.0 * time - 0.1), []
+    late, commands = 0.3 * np.sin(12.0 * time - 0.1), []
     law = replace(law, gains=units.counted(law.gains))
     state = law.start(units.counted(Sample(0.0, 0.05)))
     for k, (off, more) in enumerate(random.normal(0.0, 1e-3, (1500, 2)).tolist()):
-        swing, rate = 0.6 * math.sin(3.0 * time[k]), 1.8 * math.cos(3.0 * time[k])
+        swing, rate = 0.3 * math.sin(12.0 * time[k]), 3.6 * math.cos(12.0 * time[k])
         sample = units.counted(Sample(float(late[k]) + off, float(late[k]) / 0.9 + math.copysign(0.05, rate) + more))
-        reference = units.counted(Reference(swing, rate, -9.0 * swing))
+        reference = units.counted(Reference(swing, rate, -144.0 * swing))
         state, command = law.step(state, sample, reference, units.factor("s") * DT)
         commands.append(command / units.factor("rad"))
     return np.array(commands), flat(units.back.counted(state))
@@ -247,3 +251,65 @@ def test_the_poles_of_a_suit_are_those_of_its_cycle_whatever_the_unit(
     found = linear_suit(units.counted(suit), 0.7)
     np.testing.assert_allclose(np.poly(found.a), np.poly(expected.a), atol=1e-9)
     assert found.slope == pytest.approx(expected.slope)
+
+
+@TIME_OR_ANGLE
+def test_the_estimate_of_the_joint_knows_no_unit(units: Units, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a sensor of which two values are missing and one is far off."""
+    model = JointModel(*(0.9, 0.1, 0.05, 0.05), *(0.01, 0.004, 0.03, 0.01, 0.001))
+
+    def estimated(units: Units, step: Any = estimate_step) -> NDArray[np.float64]:
+        counted, rad = units.counted(model), units.factor("rad")
+        state, rows = estimate_start(counted, rad * COURSE[0]), []
+        for k, motor in enumerate(COURSE):
+            value = 0.9 * motor + (0.5 if k == 60 else 0.0) if k % 10 == 0 and not 100 < k < 125 else math.nan
+            state = step(counted, state, rad * motor, rad * value, units.factor("s") * DT)
+            rows.append((state.angle / rad, state.std / rad, state.age / units.factor("s")))
+        return np.array(rows)
+
+    expected = estimated(Units())
+    np.testing.assert_allclose(estimated(Units(), compiled(estimate_step)), expected, rtol=1e-12)
+    units.count_constants(monkeypatch, "bowden.sensing")
+    np.testing.assert_allclose(estimated(units), expected, rtol=1e-9, atol=1e-12)
+
+
+@TIME_OR_ANGLE
+@pytest.mark.parametrize("muscles", [1, 2])
+def test_an_intent_knows_no_unit(muscles: int, units: Units, monkeypatch: pytest.MonkeyPatch) -> None:
+    contracts = np.repeat(np.random.default_rng(6).random((60, 2)) < 0.5, 50, axis=0).tolist()
+
+    def shown(units: Units) -> NDArray[np.float64]:
+        settings, dt = units.counted(IntentSettings(duration=0.4, muscles=muscles)), units.factor("s") * DT
+        state, rows, by_size = intent_start(0.0), [], Reference(0.0, 0.0, 0.0)
+        for flexes, extends in contracts:
+            state, reference = intent_step(settings, state, flexes, extends, dt)
+            by_size = proportional(settings, by_size, 0.7 * flexes, 1.0, dt)
+            rows.append([*units.back.counted(reference), *units.back.counted(by_size)])
+        return np.array(rows)
+
+    expected = shown(Units())
+    units.count_constants(monkeypatch, "bowden.sensing")
+    np.testing.assert_allclose(shown(units), expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("unit", MECHANICAL)
+@pytest.mark.parametrize("estimated", [0.0, 1.0], ids=["load cell", "estimated"])
+def test_a_push_knows_no_unit(estimated: float, unit: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a wearer who pushes either way against a moving motor, and lets go."""
+    units, measured = MECHANICAL[unit], Measurement(0.5, 0.5, 0.0, 0.0)
+
+    def led(units: Units, step: Any = push_step) -> NDArray[np.float64]:
+        settings, rows = the_push(units.counted(Suit()), units)._replace(estimated=estimated), []
+        state = push_start(settings, units.counted(measured))
+        for k in range(400):
+            angle = 0.5 + 0.2 * math.sin(0.02 * k)
+            now = Measurement(angle, angle + 0.01, 5.0 * math.sin(0.03 * k), 4.0 * math.sin(0.05 * k) * (k < 300))
+            dt = units.factor("s") * DT
+            state, reference, added = step(settings, state, units.counted(now), Reference(0.0, 0.0, 0.0), dt)
+            rows.append([*units.back.counted(reference), added, state.push.torque / units.factor("N·m")])
+        return np.array(rows)
+
+    expected = led(Units())
+    np.testing.assert_array_equal(led(Units(), compiled(push_step)), expected)
+    units.count_constants(monkeypatch, "bowden.control", "bowden.models", "bowden.plants")
+    np.testing.assert_allclose(led(units), expected, rtol=1e-9, atol=1e-12)

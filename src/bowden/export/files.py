@@ -167,7 +167,7 @@ def pages(
         target: on which it is to run.
         single: the law is in float, and its commands are not expected to be the recorded ones to the bit.
     """
-    memory, detector = kind_of(modules[0].state), modules[-1] if modules[2:] else None
+    memory, detector = kind_of(modules[0].state), modules[-1] if modules[-1].prefix not in ("safety", "joint") else None
     position, velocity, _ = rig.trajectory.sample(np.linspace(0.0, min(rig.duration, _WATCHED), 200_001)).T
     low, high, fastest = position.min(), position.max(), np.abs(velocity).max()
     course = course_of(rig.emg)
@@ -177,6 +177,7 @@ def pages(
         "preamble": preamble,
         "name": modules[0].prefix,
         "modules": modules,
+        "sensor": rig.joint_sensor if rig.joint_sensor.estimated else None,
         "counts": encoders if isinstance(encoders, Counts) else None,
         "unit": "counts" if isinstance(encoders, Counts) else "spool",
         "flags": FLAGS,

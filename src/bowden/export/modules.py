@@ -27,6 +27,7 @@ from bowden.sensing.course import CourseSettings, course_start, course_step
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import DEFAULTS, envelope_start, envelope_step, prepare_envelope
+from bowden.sensing.joint_angle import JointModel, MotorReach, track_start, track_step
 from bowden.sensing.wearer_file import MuscleCalibration
 
 UNFILTERED = Filters()
@@ -132,6 +133,27 @@ def safety_module(limits: Limits, filters: Filters = UNFILTERED) -> Module:
             "thermal": (limits.thermal, "the motor's thermal side"),
         },
         enums=(Request, Mode, DriveState, Power, Fault),
+    )
+
+
+def joint_module(model: JointModel, reach: MotorReach, sample_time: float) -> Module:
+    """The estimate of the joint's angle, where no encoder measures it.
+
+    Args:
+        model: of cable and sensor.
+        reach: of the motor.
+        sample_time: length of a cycle [s].
+    """
+    return Module(
+        "joint",
+        "The joint's angle from the motor's, corrected by a sensor.",
+        {"start": (track_start, "state"), "step": (track_step, "state")},
+        {
+            "model": (model, "of cable and sensor"),
+            "reach": (reach, "what a motor's reading may be"),
+            "dt": (float(sample_time), "length of a cycle [s]"),
+        },
+        state=track_start(model),
     )
 
 

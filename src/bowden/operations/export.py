@@ -123,13 +123,6 @@ def export(
     refused = refusals(given.rig_of(rig))
     if refused and not force:
         raise ParameterError(refused[0], do=f"or export it anyway with {argument('force', True)}")
-    if whole.joint_sensor.estimated:
-        raise ParameterError(
-            f"the joint's angle is an estimate (joint_sensor.source is {whole.joint_sensor.source!r}), which is not "
-            "exported",
-            expected="a rig with an encoder at the joint",
-            do='write source = "encoder" into [joint_sensor], and read an encoder in board_joint',
-        )
     output_folder(folder, argument("folder"))
     if target not in TARGETS:
         do = f"correct {argument('target')}"
@@ -147,7 +140,10 @@ def export(
         preamble += f" Its gains are judged for {whole.servo_text}."
     texts = pages(whole, modules, encoders, preamble, rate, hardware, single=float32)
     for module in modules:
-        single = float32 and module.prefix != "safety"  # what it adds up over minutes needs more than a float
+        single = float32 and module.prefix not in (
+            "safety",
+            "joint",
+        )  # what it adds up over minutes needs more than a float
         texts |= files(module, preamble, single=single)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
     kept = [name for name in YOURS if (folder / name).exists()]
@@ -191,12 +187,15 @@ def _modules(rig: "Rig", law: "Law", encoders: "Counts | SpoolMap", emg_rate: fl
         ParameterError: two modules of one name.
     """
     from bowden.core.errors import ParameterError
-    from bowden.export.modules import course_module, emg_modules, law_module, safety_module
+    from bowden.export.modules import course_module, emg_modules, joint_module, law_module, safety_module
     from bowden.rig.emg_run import course_of
+    from bowden.rig.joint_sensor import motor_reach
     from bowden.sensing.detectors import detector_named
 
     limits = limits_of(rig, law)._replace(uses_emg=emg_rate is not None)
     modules = [law_module(law, rig.sample_time, encoders), safety_module(limits, rig.filters)]
+    if rig.joint_sensor.estimated:
+        modules += [joint_module(rig.joint_model, motor_reach(limits), rig.sample_time)]
     if emg_rate is not None:
         given = rig.emg
         modules += [course_module(course_of(given))]
@@ -252,7 +251,7 @@ def _recording(rig: "Rig", law: "Law") -> str:
     duration = min(RECORDED, rig.duration)
     with user_law.explained(law):
         trace = simulate(
-            rig.moved,
+            rig.simulated_plant,
             law,
             rig.trajectory,
             duration=duration,

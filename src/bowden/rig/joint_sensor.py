@@ -5,7 +5,8 @@ import math
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.rig.settings import JointSensor
-from bowden.sensing.joint_angle import LENGTH, JointModel
+from bowden.safety.limits import Limits
+from bowden.sensing.joint_angle import LENGTH, JointModel, MotorReach
 
 STREAMS = {
     "udp": "udp:PORT (from this computer alone), udp:0.0.0.0:PORT (from others too), udp:ADDRESS:PORT",
@@ -32,6 +33,11 @@ def model_of(sensor: JointSensor, slope: float, zero: float, play: float) -> Joi
     drift = sensor.drift if sensor.source == "imu" else 0.0
     known = sensor.period, sensor.delay, sensor.noise, sensor.offset, drift
     return JointModel(slope, zero, play, sensor.cable_error, *known)
+
+
+def motor_reach(limits: Limits) -> MotorReach:
+    """What the estimate believes of a motor's readings."""
+    return MotorReach(limits.motor_speed, limits.jump, limits.sensor_span)
 
 
 def address_of(sensor: JointSensor) -> tuple[str, tuple[str, int]]:

@@ -23,8 +23,8 @@ from bowden.rig.rig import Rig
 from bowden.sim.injected import Injected, SensorFault
 from bowden.sim.run import Case
 from bowden.study.distributions import Distribution, Value
+from bowden.study.file import KnownSection, StudyFile
 from bowden.study.keys import simulated, with_values
-from bowden.study.schema import KnownSection, StudyFile
 
 SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <= kind <= Injected.MOTOR_SIGN]
 """Faults that change what the law is shown and nothing else."""

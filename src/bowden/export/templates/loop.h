@@ -8,6 +8,9 @@
 
 #include "[[name]].h"
 #include "safety.h"
+{% if sensor %}
+#include "joint.h"
+{% endif %}
 {% if detector %}
 #include "course.h"
 #include "envelope.h"

@@ -14,7 +14,6 @@ Registered with python-can as interface ``bowden_unix``; can be made directly as
 
 import contextlib
 import errno
-import fcntl
 import os
 import select
 import socket
@@ -300,6 +299,8 @@ def _alone(folder: Path) -> Iterator[None]:
     """No two nodes join at once: each would introduce itself to the other, and their frames arrive twice."""
     descriptor = os.open(folder / "door.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
+        import fcntl  # which Windows has not, where rigs for this bus are made and checked too
+
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:

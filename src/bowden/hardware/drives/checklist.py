@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeVar
 
-from bowden.core.clock import SECOND, MonotonicClock, TimeSource
+from bowden.core.clock import SECOND
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.core.units import DEGREES
@@ -59,7 +59,6 @@ class Conversation:
         is_foreign: whether a frame is one that only this host may send, or an answer to somebody else.
         timeout: how long an answer may take [s].
         others: programs that may be another master.
-        clock: to wait by.
     """
 
     def __init__(
@@ -69,9 +68,7 @@ class Conversation:
         is_foreign: Callable[[int, bytes], bool],
         timeout: float = math.nan,
         others: str = "the other program",
-        clock: TimeSource | None = None,
     ) -> None:
-        self._clock = MonotonicClock() if clock is None else clock
         self.port, self.number, self.name, self._timeout = port, node, f"node {node}", timeout
         self._is_foreign, self._others = is_foreign, others
         self.foreign: int | None = None
@@ -104,9 +101,10 @@ class Conversation:
 
         What waits at its end is looked at too: a computer that stalls is no silence.
         """
-        ends = self._clock.now() + round(span * SECOND)
+        clock = self.port.clock
+        ends = clock.now() + round(span * SECOND)
         for _ in range(MOST_LISTENED):
-            left = (ends - self._clock.now()) / SECOND
+            left = (ends - clock.now()) / SECOND
             frame = self.port.wait_for(lambda identifier, data: True, max(0.0, left))
             if frame is None:
                 if left <= 0.0:
