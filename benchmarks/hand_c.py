@@ -100,7 +100,7 @@ def rows(rounds: int = 40) -> tuple[list[Row], str]:
 
 
 def _rows(library: ctypes.CDLL, rounds: int, said: str, plant: Bench) -> list[Row]:
-    frequency, limit = plant.servo.natural_frequency, plant.dynamics().plant.servo.acceleration_limit
+    frequency, limit = plant.servo.natural_frequency, plant.dynamics().plant.servo.cycle.acceleration_limit
     numbers = NUMBERS | {"natural_frequency": frequency, "acceleration_limit": limit}
     parameters = Parameters(**numbers, delay=plant.delay, substeps=plant.substeps, cycles=CYCLES)
     pointer = ctypes.byref(parameters)
@@ -143,7 +143,7 @@ def _loop(plant: Bench, references: Array, widths: Array, slopes: Array, normals
     dynamics, cycles = plant.dynamics(), references.shape[1]
     record, states = np.empty((RECORD, cycles)), np.empty((ROWS - RECORD, cycles))
     sheath = SheathPath(np.full(cycles + 1, plant.sheath.bend), widths, slopes)
-    settings = (LAW.gains, LAW.conditioning, TABLE.settings, dynamics.plant)
+    settings = (LAW.gains, LAW.conditioning, TABLE.settings, dynamics.plant, dynamics.sensing)
     arguments = (*settings, references, sheath, normals, 0.0, plant.sample_time)
     loop = compiled_loop(dynamics, LAW)
     return lambda: loop(*arguments, plant.delay, record, states, 0.0, np.empty((2, 0)), np.inf)

@@ -17,8 +17,8 @@ from bowden.live.live_run import live_run
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.plants import pushing
+from bowden.plants.pushing import behind, push_of
 from bowden.plants.suit_parts import Suit
-from bowden.plants.suit_push import behind, push_of
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from support.command import Command

@@ -26,8 +26,8 @@ from bowden.app import main
 from bowden.core.errors import ParameterError
 from bowden.operations.schema import json_schema
 from bowden.records.trace import Trace
-from bowden.study import pack as study_pack
 from bowden.study import workers as campaign_workers
+from bowden.study import workers as study_pack
 from bowden.study.load import load
 from support.command import Command
 

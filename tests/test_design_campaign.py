@@ -10,7 +10,7 @@ from scipy import stats
 
 from bowden.core.errors import OutputError, ParameterError
 from bowden.study.distributions import Distribution
-from bowden.study.sensitivity import ranked, sensitivity
+from bowden.study.figures import ranked, sensitivity
 from bowden.study.store import Store, differences, row_bytes
 
 SHARES = [0.0, 0.01, 0.2, 0.5, 0.77, 0.99]

@@ -111,7 +111,7 @@ def test_the_gate_is_called_with_names_for_its_numbers(exported: tuple[Path, dic
     named = {f"SAFETY_{kind}_{one.name}": int(one) for kind, enum in enums.items() for one in enum}
     named["SAFETY_EMERGENCY_STOP"] = int(EMERGENCY_STOP)
     checks = "\n".join(f"typedef char check_{name}[(int){name} == {value} ? 1 : -1];" for name, value in named.items())
-    (folder / "names.c").write_text(f'#include "safety.h"\n{checks}\n')
+    (folder / "names.c").write_text(f'#include "loop.h"\n{checks}\n')
     quiet("cc", "-std=c99", f"-I{exported[0]}", "-fsyntax-only", "names.c", cwd=folder)
 
 

@@ -12,7 +12,7 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import flat, unflatten
 from bowden.core.signals import DriveReading
 from bowden.export.modules import emg_modules, safety_module
-from bowden.export.unit import Module, Public
+from bowden.export.unit import Module
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.faults import Fault, Reaction
 from bowden.safety.limits import Limits
@@ -154,7 +154,7 @@ def test_exported_gate_gives_the_bits_of_python(count: int, tmp_path: Path) -> N
 @pytest.mark.long
 def test_the_intent_of_two_muscles_that_overlap_gives_the_bits_of_python(tmp_path: Path) -> None:
     state, two = intent_start(0.0), IntentSettings(muscles=2)
-    functions = Public("start", intent_start, ("state",)), Public("step", intent_step, ("state", "reference"))
+    functions = {"start": (intent_start, "state"), "step": (intent_step, "state reference")}
     module = Module("intent", "", functions, {"settings": (two, "")})
     time = np.arange(12000) * DT
     on = np.column_stack([time % 3.1 < 1.2, (time + 2.3) % 3.1 < 1.2])

@@ -26,7 +26,7 @@ from bowden.core.quantity import Quantity, texts_of
 from bowden.export.files import files
 from bowden.export.modules import begun, emg_modules, law_module, safety_module
 from bowden.export.source import origin
-from bowden.export.unit import Module, Public, identifier
+from bowden.export.unit import Module, identifier
 from bowden.safety.limits import Limits
 from bowden.sensing.envelope import PLAIN_THRESHOLD
 from support.exported_c import COMPILER, Exported, bits
@@ -122,7 +122,7 @@ EVERYTHING = everything, Memory((0.0,) * 4, Pair(0.0), Mode.OFF, False, 0, 0.0)
 
 def module_of_everything() -> Module:
     step, state = EVERYTHING
-    functions = Public("start", begun, ("state",)), Public("step", step, ("state", "return"))
+    functions = {"start": (begun, "state"), "step": (step, "state return")}
     return Module("all", "", functions, {"count": (3, ""), "begin": (state, "")}, state)
 
 

@@ -12,7 +12,6 @@ import bowden
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.units import DEGREES
 from bowden.identify.cable import identification
-from bowden.identify.cable import validation as settling_module
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import forecast
 from bowden.identify.cable.generalised import fit_branches, rough_branches
@@ -20,7 +19,7 @@ from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.plays import fit_stack
 from bowden.identify.cable.projection import Estimate
 from bowden.identify.cable.turns import find_turns
-from bowden.identify.cable.validation import Settling, folds, settling, simplest_of_the_best
+from bowden.identify.cable.validation import folds, simplest_of_the_best
 from bowden.models.cable.bouc_wen import BoucWen, joint_angle
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.generalised_play import Branches, design_of, half_gap, mean_branch, with_curve
@@ -301,24 +300,6 @@ def test_folds_shift_from_cycle_to_cycle() -> None:
                 chosen.append(next(fold for fold, mask in enumerate(masks) if mask[node]))
             assert sorted(chosen) == [0, 1, 2, 3, 4]
     assert np.all(np.sum(masks, axis=0) <= 1)
-
-
-def test_settling_is_judged_on_the_same_strokes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two short strokes lie before the long ones: what leaves them out is not judged on fewer strokes."""
-    time = np.arange(0.0, 40.0, 0.01)
-    size = np.array([0.15, 0.15, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5])[np.minimum((time / 5.0).astype(int), 7)]
-    motor = -size * np.cos(0.4 * math.pi * time)
-    path = build_path(time, motor, 0.9 * motor, find_turns(motor, 1e-9), 600)
-    judged: dict[Settling, list[int]] = {}
-
-    def errors(blocks: object, weights: object, prior: object, strokes: range, given: Settling) -> Array:
-        judged[given] = list(strokes)
-        return np.ones(len(strokes))
-
-    monkeypatch.setattr(settling_module, "_errors", errors)
-    settling(path, fit_branches(path))
-    assert len(judged) >= 4
-    assert len({tuple(strokes) for strokes in judged.values()}) == 1
 
 
 def test_one_reversal_offers_no_bent_loop() -> None:

@@ -211,23 +211,6 @@ def test_a_joint_that_moves_the_other_way_or_a_motor_that_does_not_turn_is_refus
         gain_of(new_log(1.0, 0.0, samples=50), known(), 0.01)
 
 
-def test_a_recalibrated_scheduled_model_is_gain_times_the_old_one_at_every_load(fit: Fit) -> None:
-    changed = recalibrated(fit.best.parameters, 1.05, 0.1)
-    for load in (0.15, 0.5):
-        old = CableModel("scheduled", {**fit.best.parameters, "load": load}).joint_angle(MOTOR)
-        new = CableModel("scheduled", {**changed, "load": load}).joint_angle(MOTOR)
-        assert np.allclose(new, 1.05 * old + 0.1, atol=1e-12)
-
-
-def test_every_family_of_models_can_be_recalibrated() -> None:
-    """Whatever is fitted to a log has gain and offset among its parameters."""
-    found = bowden.identify(TIME, MOTOR, log_at(0.2).joint)
-    for name, fitted in found.models.items():
-        old = fitted.model.joint_angle(MOTOR)
-        new = CableModel(name, recalibrated(fitted.parameters, 1.03, -0.2)).joint_angle(MOTOR)
-        assert np.allclose(new, 1.03 * old - 0.2, atol=1e-9), name
-
-
 def swept(half: float, gain: float = 1.0) -> Log:
     """A play with a bent middle, moved by a stroke of that half-width."""
     motor = half * np.sin(2.5 * TIME)

@@ -180,17 +180,17 @@ def test_a_can_bus_that_is_not_there_is_refused() -> None:
 
 @pytest.mark.parametrize("stream", ["udp:5005", "serial:/dev/ttyACM9", "can:can0@0x321", "lsl:IMU"])
 def test_a_twin_s_sensor_is_heard_beside_its_own_drive_alone(stream: str, tmp_path: Path) -> None:
-    """Of two rigs with one stream on this computer each hears its own twin, whatever the stream is."""
+    """On another bus, and on the same one; whatever the stream is."""
     sensor, twins, heard = JointSensor(source="imu", stream=stream, noise=1e-3, delay=0.0), [], []
-    for name, angle in (("one", 0.2), ("two", 0.9)):
-        rig = Rig(joint_sensor=sensor).on_bus(str(tmp_path / name), "bowden_unix")
-        (tmp_path / name).mkdir()
+    for bus, node, angle in (("one", 1, 0.2), ("two", 1, 0.9), ("two", 2, 0.5)):
+        rig = Rig(joint_sensor=sensor, drive={"node_id": node}).on_bus(str(tmp_path / bus), "bowden_unix")
+        (tmp_path / bus).mkdir(exist_ok=True)
         own = of_twin(rig.joint_sensor, rig.drive)
         twins.append(JointSensorTwin(own, lambda angle=angle: angle, Faults(), 0))  # type: ignore[misc]
         heard.append(JointSamples(own))
     for twin in twins:
         twin.tick(1.0)
-    assert [one.look() for one in heard] == pytest.approx([0.2, 0.9], abs=1e-2)
+    assert [one.look() for one in heard] == pytest.approx([0.2, 0.9, 0.5], abs=1e-2)
     for one in (*twins, *heard):
         one.close()
 

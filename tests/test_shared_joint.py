@@ -307,7 +307,7 @@ def test_motors_that_hang_apart_before_a_run_come_together_unblamed(tmp_path: Pa
             bench._motion = bench._motion._replace(position=-1.4)
 
     run = shared_run(tmp_path, rig, between=left)
-    run.asks = (100,)  # once what moved it has been forgotten
+    run.arms = (100,)  # once what moved it has been forgotten
     ended, rows = run.run()
     part = rows.parts["flexor"]
     apart = np.degrees(0.5 * np.abs(part["motor"] - part["neighbour"]))

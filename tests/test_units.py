@@ -36,10 +36,10 @@ from bowden.plants.cable import BentCable, bouc_wen
 from bowden.plants.friction_cables import lumped, sliding
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import SheathState
+from bowden.plants.pushing import chain_of, ports_of, push_of
 from bowden.plants.suit_linear import linear_suit
 from bowden.plants.suit_parts import Suit
 from bowden.plants.suit_plant import worn_advance, worn_rest
-from bowden.plants.suit_push import chain_of, ports_of, push_of
 from bowden.sensing.intent import IntentSettings, intent_start, intent_step, proportional
 from bowden.sensing.joint_angle import JointModel, estimate_start, estimate_step
 from support.units import Units

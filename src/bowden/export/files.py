@@ -11,9 +11,10 @@ import jinja2
 import numpy as np
 
 from bowden.core.nested import leaves, name_of
+from bowden.core.signals import EMERGENCY_STOP
 from bowden.export.function import called
-from bowden.export.source import comment, comments, description
-from bowden.export.unit import LONGEST, Kind, Module, Public, Unit, identifier, is_number, kind_of, numbers, within
+from bowden.export.source import comments, description
+from bowden.export.unit import LONGEST, Kind, Module, Unit, identifier, is_number, kind_of, numbers, within
 from bowden.models.minimum_jerk import PEAK_SPEED
 from bowden.models.suit.suit_angle import SpoolMap
 from bowden.rig.counts import Counts
@@ -67,22 +68,14 @@ def files(module: Module, preamble: str, *, single: bool = False) -> dict[str, s
     """
     unit, functions = Unit(module, single=single), []
     header = {unit.type(enum) for enum in module.enums}
-    for one in module.functions:
-        shown = [kind for name, kind in module.arguments(one.kernel).items() if name not in module.constants]
+    for one, (kernel, _) in module.functions.items():
+        shown = [kind for name, kind in module.arguments(kernel).items() if name not in module.constants]
         header |= {unit.type(part) for kind in (*shown, *results_of(unit, one)[1]) for _, part in within(kind)}
         functions.append(_public(unit, one))
     types = [[text for name, text in unit.types.items() if (name in header) is public] for public in (True, False)]
-    defined = "\n".join(
-        f"#define {identifier(f'{module.prefix}_{name}').upper()} {unit.number(value)}{comment(meaning)}"
-        for name, (value, meaning) in module.numbers.items()
-    )
-    parts = {"h": [defined, *types[0]], "c": [*types[1], "\n\n".join(unit.constants.values())]}
-    texts = {
-        f"{module.prefix}.{end}": rendered(
-            f"module.{end}", module=module, preamble=preamble, unit=unit, functions=functions, parts=some
-        )
-        for end, some in parts.items()
-    }
+    parts = {"h": types[0], "c": [*types[1], "\n\n".join(unit.constants.values())]}
+    words = {"module": module, "preamble": preamble, "unit": unit, "functions": functions}
+    texts = {f"{module.prefix}.{end}": rendered(f"module.{end}", **words, parts=some) for end, some in parts.items()}
     return {name: "\n".join(row for line in text.split("\n") for row in broken(line)) for name, text in texts.items()}
 
 
@@ -93,17 +86,18 @@ def rendered(file: str, /, **words: Any) -> str:
     return f"{page.render(**words).rstrip()}\n"
 
 
-def results_of(unit: Unit, one: Public) -> tuple[str, list[Kind], Kind]:
-    """The kernel's name, and the kinds of its results, apart and as a whole."""
-    name, result = called(unit, one.kernel, tuple(unit.module.arguments(one.kernel).values()))
-    return name, [result] if len(one.results) == 1 else [kind for _, kind in result.fields], result
+def results_of(unit: Unit, one: str) -> tuple[str, list[Kind], Kind]:
+    """The name of the kernel of a public function, and the kinds of its results, apart and as a whole."""
+    kernel, results = unit.module.functions[one]
+    name, result = called(unit, kernel, tuple(unit.module.arguments(kernel).values()))
+    return name, [kind for _, kind in result.fields] if " " in results else [result], result
 
 
-def _public(unit: Unit, one: Public) -> dict[str, str]:
+def _public(unit: Unit, one: str) -> dict[str, str]:
     """Comment, head and body of a function that others call: the state, then what is read, then what is written."""
-    name, kinds, result = results_of(unit, one)
+    (name, kinds, result), (kernel, results) = results_of(unit, one), unit.module.functions[one]
     read, given, several = list[str](), list[str](), len(kinds) > 1
-    for argument, kind in unit.module.arguments(one.kernel).items():
+    for argument, kind in unit.module.arguments(kernel).items():
         text, mark = identifier(argument), "" if is_number(kind) else "*"
         if argument in unit.module.constants:
             text = f"{mark and '&'}{unit.constant('', argument, *unit.module.constants[argument])}"
@@ -113,7 +107,7 @@ def _public(unit: Unit, one: Public) -> dict[str, str]:
     call, returned, last = f"{name}({', '.join(given)})", "void", list[str]()
     lines = [f"const {unit.type(result)} result = {call};", ""] if several else []
     first, written = list[str](), list[str]()
-    for to, kind, part in zip(one.results, kinds, getattr(result, "fields", "?"), strict=False):
+    for to, kind, part in zip(results.split(), kinds, getattr(result, "fields", "?"), strict=False):
         source = f"result.{part[0]}" if several else call
         if to == "return":
             returned, last = unit.type(kind), [f"return {source};"]
@@ -126,8 +120,8 @@ def _public(unit: Unit, one: Public) -> dict[str, str]:
             lines.append(f"*{to} = {source};")
     signature = ", ".join([*first, *read, *written]) or "void"
     body = "\n".join(f"    {line}" if line else "" for line in (*lines, *last))
-    said = "\n".join(comments(description(one.kernel)))
-    return {"comment": said, "head": f"{returned} {unit.prefix}_{one.name}({signature})", "body": body}
+    said = "\n".join(comments(description(kernel)))
+    return {"comment": said, "head": f"{returned} {unit.prefix}_{one}({signature})", "body": body}
 
 
 def broken(line: str) -> list[str]:
@@ -192,8 +186,9 @@ def pages(
         "step": math.degrees(rig.supervisor_limits.target_speed * rig.sample_time),
         "period": rig.sample_time,
         "detector": detector and detector.prefix,
-        "detector_state": detector and detector.arguments(detector.functions[1].kernel)["state"].name,
+        "detector_state": detector and kind_of(detector.state).name,
         "limits": rig.supervisor_limits,
+        "emergency_stop": EMERGENCY_STOP,
         "emg_rate": rate,
         "muscles": course.intent.muscles,
         "proportional": course.proportional and rig.emg.levels is not None,

@@ -50,15 +50,19 @@ _BY_LEVEL: dict[int, dict[type[ast.AST], str]] = {
     UNARY: {ast.USub: "-", ast.UAdd: "+", ast.Invert: "~", ast.Not: "!"},
 }
 _OPERATORS = {kind: (sign, level) for level, signs in _BY_LEVEL.items() for kind, sign in signs.items()}
-_LIBM: dict[Any, str] = {one: one.__name__ for one in (exp, sin, cos, log, sqrt, tanh, floor, math.copysign)}
-_LIBM |= {power: "pow", abs: "fabs"}
-_TRUTHS = (math.isnan, math.isfinite, math.isinf)
+_BUILT_IN: dict[Any, tuple[str, int, Kind]] = {
+    **{one: (one.__name__, 1, float) for one in (exp, sin, cos, log, sqrt, tanh, floor)},
+    **{abs: ("fabs", 1, float), power: ("pow", 2, float), math.copysign: ("copysign", 2, float)},
+    **{one: (one.__name__, 1, bool) for one in (math.isnan, math.isfinite, math.isinf)},
+    **{one: ("", 1, one) for one in (float, bool, int)},
+}
+"""Function that takes numbers → its name in C, how many it takes, and the kind of its result; a kind converts."""
 _INSTEAD: dict[Any, str] = {
     np.where: "use a if condition else b",
     math.pow: "import power from bowden.core.kernel",
     math.fabs: "use abs(x)",
     sum: "add the terms up",
-    **dict.fromkeys((*_LIBM, *_TRUTHS), "give it numbers, in their order"),
+    **dict.fromkeys(_BUILT_IN, "give it numbers, in their order"),
 }
 """Function → what to write in its place."""
 _LOCAL = object()
@@ -102,7 +106,7 @@ def called(unit: Unit, function: Any, kinds: tuple[Kind, ...]) -> tuple[str, Kin
         name = identifier(function.__name__)
         if name in unit.functions or name in unit.helpers:
             name = f"{function.__module__.rpartition('.')[2]}_{name}"
-        name = unused(name, {*unit.functions, *(f"{unit.prefix}_{one.name}" for one in unit.module.functions)})
+        name = unused(name, {*unit.functions, *(f"{unit.prefix}_{one}" for one in unit.module.functions)})
         unit.functions[name], unit.made[key] = "", None
         made = Function(unit, function, kinds, name)
         text = made.written()
@@ -141,7 +145,7 @@ class Function:
         lines = self._block(body)
         if not _ends(body):
             raise self.refused(body[-1], "behind which there is a way without a result", "add a return at its end")
-        given = ", ".join(self._parameter(name) for name in self.parameters) or "void"
+        given = ", ".join(map(self._parameter, self.parameters)) or "void"
         head = f"static inline {self.unit.type(self.result)} {self.name}({given})"
         ignored = [f"    (void){identifier(name)};" for name in self.parameters if name not in self.used]
         return "\n".join([*self.source.docstring(), head, "{", *ignored, *lines, "}"])
@@ -397,8 +401,9 @@ class Function:
             case ast.Subscript(value=value, slice=ast.Slice() as part) if ast.unparse(part) == ":-1":
                 newest, past = [self._expression(one) for one in new], self._expression(value)
                 if isinstance(past.kind, Row) and [one.kind for one in newest] == [past.kind.of]:
-                    given = f"{newest[0].text}, {past.address(self.unit.type(past.kind))}"
-                    return Expression(f"{self.unit.shifted(past.kind)}({given})", past.kind)
+                    type_, item, length = self.unit.type(past.kind), self.unit.type(past.kind.of), past.kind.length
+                    helper = self.unit.helper(f"{type_}_shifted", type=type_, item=item, length=length)
+                    return Expression(f"{helper}({newest[0].text}, {past.address(type_)})", past.kind)
         raise self.refused(moved)
 
     def _compared(self, left: Expression, operator: ast.cmpop, right: Expression) -> Expression:
@@ -428,24 +433,25 @@ class Function:
 
     def _built_in(self, node: ast.Call, what: Any) -> Expression:
         """A call of one of Python's own functions, or of libm's, with numbers."""
-        known = not node.keywords and callable(what) and what in (*_LIBM, min, max, *_TRUTHS, float, bool, int)
-        given = [self._number(one) for one in node.args] if known else []
-        if what in (min, max) and given[1:]:
+        extreme = what is min or what is max
+        name, count, kind = _BUILT_IN.get(what, ("", 0, None)) if callable(what) else ("", 0, None)
+        given = [self._number(one) for one in node.args] if (count or extreme) and not node.keywords else []
+        if extreme and given[1:]:
             kind = functools.reduce(joined, (one.kind for one in given))
-            helper = self.unit.extreme(what.__name__, kind if kind is float else int)
+            name, type_ = (what.__name__, float) if kind is float else (f"{what.__name__}_int", int)
+            helper = self.unit.helper(name, type=self.unit.type(type_), sign="<" if what is min else ">")
             text = functools.reduce(lambda text, one: f"{helper}({text}, {one.text})", given[1:], given[0].text)
             return Expression(text if kind in (float, int) else f"({self.unit.type(kind)}){text}", kind)
-        if len(given) != (2 if what in (power, math.copysign) else 1) or what in (min, max):
+        if not count or len(given) != count:
             raise self.refused(node, "", _instead(what), "a kernel, or a function of the subset")
-        if what in _LIBM:
-            return Expression(f"{_LIBM[what]}{'f' * self.unit.single}({', '.join(one.text for one in given)})", float)
-        if what in _TRUTHS:
-            return Expression(f"{what.__name__}({given[0].text})", bool)
-        if what is int and given[0].kind is float:
+        if name:
+            suffix = "f" if self.unit.single and kind is float else ""
+            return Expression(f"{name}{suffix}({', '.join(one.text for one in given)})", kind)
+        if kind is int and given[0].kind is float:
             raise self.refused(node, "of a float", "use floor of bowden.core.kernel, which gives a float")
-        if given[0].kind is what:
+        if given[0].kind is kind:
             return given[0]
-        return Expression(f"({self.unit.type(what)}){given[0].within(UNARY)}", what, UNARY)
+        return Expression(f"({self.unit.type(kind)}){given[0].within(UNARY)}", kind, UNARY)
 
     def _given(self, node: ast.Call, what: Any) -> dict[str, Expression]:
         """Parameter → what a call gives it, as the kind that is annotated."""
@@ -503,6 +509,6 @@ def _instead(what: Any) -> str:
     name, other = getattr(what, "__name__", ""), "write it with what docs/own_law.md names"
     if isinstance(what, FunctionType):
         other = f"mark {name} with @kernel"
-    elif name in _LIBM.values():
+    elif any(name == one for one, _, _ in _BUILT_IN.values()):
         other = f"import {name} from bowden.core.kernel"
     return _INSTEAD.get(what, other)

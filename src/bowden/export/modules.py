@@ -10,9 +10,9 @@ from bowden.control.conditioning import Conditioned, Conditioning, condition_sta
 from bowden.control.law import Law, law_start, law_step
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
-from bowden.core.signals import EMERGENCY_STOP, DriveState, Power, Reference, Sample
+from bowden.core.signals import DriveState, Power, Reference, Sample
 from bowden.cycle.one_cycle import Filters, filtered_sample
-from bowden.export.unit import Module, Public, identifier
+from bowden.export.unit import Module, identifier
 from bowden.hardware.emg.listener import filters_of
 from bowden.models.drive.thermal import cold
 from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_from
@@ -93,37 +93,27 @@ def law_module(law: Law, sample_time: float, encoders: counts.Counts | SpoolMap 
     if isinstance(encoders, counts.Counts):
         conversions = {one.__name__: one for one in (counts.motor_angle, counts.joint_angle, counts.motor_counts)}
         converted = {"counts": (encoders, "how the rig's encoders count")}
+    sample = Sample(0.0, 0.0)
     constants = {
         "gains": (law.gains, "the law's gains"),
         "conditioning": (law.conditioning, "what the conditioner knows of the rig"),
         "sample_time": (float(sample_time), "length of a cycle [s]"),
     }
     return Module(
-        prefix(law),
+        re.sub(r"_+", "_", identifier(law.name)).lower(),
         f"The control law {law.name!r}: {law.source}.",
-        [
-            Public("start", begin_cycles, ("state",)),
-            Public("step", cycle, ("state", "return")),
-            Public("minimum_jerk", minimum_jerk, ("return",)),
-            Public("minimum_jerk_from", minimum_jerk_from, ("return",)),
-            *(Public(name, one, ("return",)) for name, one in conversions.items() if encoders is not None),
-        ],
+        {
+            "start": (begin_cycles, "state"),
+            "step": (cycle, "state return"),
+            "minimum_jerk": (minimum_jerk, "return"),
+            "minimum_jerk_from": (minimum_jerk_from, "return"),
+            **{name: (one, "return") for name, one in conversions.items() if encoders is not None},
+        },
         constants | converted,
-        state=state_of(law),
+        state=LawState(law.start(sample), condition_start(law.conditioning, sample)),
         parts=(("law_start", law.start_kernel), ("law_step", law.step_kernel)),
         units=law.state_units,
     )
-
-
-def state_of(law: Law) -> LawState:
-    """What the code of a law remembers, as an example."""
-    sample = Sample(0.0, 0.0)
-    return LawState(law.start(sample), condition_start(law.conditioning, sample))
-
-
-def prefix(law: Law) -> str:
-    """What every name of the law's code begins with."""
-    return re.sub(r"_+", "_", identifier(law.name)).lower()
 
 
 def safety_module(limits: Limits, filters: Filters = UNFILTERED) -> Module:
@@ -131,19 +121,18 @@ def safety_module(limits: Limits, filters: Filters = UNFILTERED) -> Module:
     return Module(
         "safety",
         "The supervisor: it stands last before the wire, and may only refuse or stop.",
-        [
-            Public("cold", cold, ("warmth",)),
-            Public("begin", begin, ("state",)),
-            Public("sense", sense, ("return",)),
-            Public("supervise", supervise, ("state", "verdict")),
-        ],
+        {
+            "cold": (cold, "warmth"),
+            "begin": (begin, "state"),
+            "sense": (sense, "return"),
+            "supervise": (supervise, "state verdict"),
+        },
         {
             "limits": (limits, "the rig's limits"),
             "filters": (filters, "in front of the law"),
             "thermal": (limits.thermal, "the motor's thermal side"),
         },
         enums=(Request, Mode, DriveState, Power, Fault),
-        numbers={"emergency_stop": (EMERGENCY_STOP, "among the codes of `emergency`, for an emergency stop")},
     )
 
 
@@ -158,7 +147,7 @@ def joint_module(model: JointModel, reach: MotorReach, sample_time: float) -> Mo
     return Module(
         "joint",
         "The joint's angle from the motor's, corrected by a sensor.",
-        [Public("start", track_start, ("state",)), Public("step", track_step, ("state",))],
+        {"start": (track_start, "state"), "step": (track_step, "state")},
         {
             "model": (model, "of cable and sensor"),
             "reach": (reach, "what a motor's reading may be"),
@@ -170,9 +159,12 @@ def joint_module(model: JointModel, reach: MotorReach, sample_time: float) -> Mo
 
 def course_module(settings: CourseSettings) -> Module:
     """The reference that follows from contractions."""
-    functions = [Public("start", course_start, ("state",)), Public("step", course_step, ("state", "reference"))]
-    constants = {"low": (settings.intent.low, ""), "settings": (settings, "")}
-    return Module("course", "Where the joint should be by contractions.", functions, constants)
+    return Module(
+        "course",
+        "Where the joint should be by contractions.",
+        {"start": (course_start, "state"), "step": (course_step, "state reference")},
+        {"low": (settings.intent.low, ""), "settings": (settings, "")},
+    )
 
 
 def emg_modules(
@@ -198,13 +190,13 @@ def emg_modules(
     envelope = Module(
         "envelope",
         f"The envelope of an EMG signal of {rate:g} samples a second.",
-        [Public("start", envelope_start, ("state",)), Public("step", envelope_step, ("state", "signal", "return"))],
+        {"start": (envelope_start, "state"), "step": (envelope_step, "state signal return")},
         {"chain": (prepare_envelope(rate, smoothing), "the filters' sections")},
     )
     onset = Module(
         identifier(kind.name),
         f"Contractions in an EMG signal of {rate:g} samples a second.",
-        [Public("start", begun, ("state",)), Public("step", kind.step, ("state", "return", "trouble"))],
+        {"start": (begun, "state"), "step": (kind.step, "state return trouble")},
         {"begin": (start, "a state before the first sample"), detection: (detector, "the detector at this rate")},
         state=start,
     )

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -144,18 +144,6 @@ def snake_case(name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
 
 
-class Public(NamedTuple):
-    """A kernel that other files of C call, as ``PREFIX_name``.
-
-    Its arguments have the kernel's names; the one called ``state`` is what the function reads and writes.
-    """
-
-    name: str
-    kernel: Callable[..., Any]
-    results: tuple[str, ...]
-    """In the kernel's order: ``state``, ``return`` for what the function returns, other names for pointers to it."""
-
-
 @dataclass(frozen=True)
 class Module:
     """What belongs in one pair of files."""
@@ -163,7 +151,9 @@ class Module:
     prefix: str
     """Of every name that others see, and the files' own."""
     title: str
-    functions: Sequence[Public]
+    functions: Mapping[str, tuple[Callable[..., Any], str]]
+    """Name → a kernel that other files of C call as ``PREFIX_name``, and its results in their order: ``state`` for the
+    argument that it reads and writes, ``return`` for what it returns, other names for pointers to it."""
     constants: Mapping[str, tuple[Any, str]] = field(default_factory=dict)
     """Argument → the value that is written into the code in its place, and what it is."""
     state: Any = None
@@ -174,8 +164,6 @@ class Module:
     """Field → unit, where its class does not say."""
     enums: Sequence[type[IntEnum]] = ()
     """Whose members a caller needs."""
-    numbers: Mapping[str, tuple[float, str]] = field(default_factory=dict)
-    """Name → another number that a caller needs, and what it means."""
 
     def arguments(self, function: Callable[..., Any]) -> dict[str, Kind]:
         """Argument of a kernel → its kind; what C has none for is refused."""
@@ -235,7 +223,7 @@ class Unit:
     def number(self, value: float) -> str:
         """A number; its decimals are the shortest that give back the same bits.
 
-        >>> [Unit(Module("x", "", ()), single=one).number(-1e-300) for one in (False, True)]
+        >>> [Unit(Module("x", "", {}), single=one).number(-1e-300) for one in (False, True)]
         ['-1e-300', '-0.0f']
         """
         with np.errstate(over="ignore", under="ignore"):
@@ -290,16 +278,9 @@ class Unit:
         line = f"{head} {self.value(value, kind)};"
         return f"{line}{comment(meaning)}" if len(line) + len(meaning) < LONGEST else "\n".join([*above, line])
 
-    def extreme(self, name: str, kind: Kind) -> str:
-        """Python's `min` or `max` by its rule for NaN."""
-        called = name if kind is float else f"{name}_int"
-        self.helpers[called] = {"type": self.type(kind), "sign": "<" if name == "min" else ">"}
-        return called
-
-    def shifted(self, kind: Row) -> str:
-        """A function that moves a row on by one place."""
-        name = f"{self.type(kind)}_shifted"
-        self.helpers[name] = {"type": self.type(kind), "item": self.type(kind.of), "length": kind.length}
+    def helper(self, name: str, **words: Any) -> str:
+        """The name of a function that the file's template writes: Python's `min` or `max`, or a shift."""
+        self.helpers[name] = words
         return name
 
 

@@ -275,7 +275,8 @@ def of_twin(sensor: JointSensor, drive: Any) -> JointSensor:
     family = family_of(drive)
     if not (sensor.sensed and family.simulated(drive)):
         return sensor
-    return sensor._replace(stream=f"twin:{bus_folder(family.address(drive)['channel']) / 'joint'}")
+    place = family.address(drive)
+    return sensor._replace(stream=f"twin:{bus_folder(place['channel']) / 'joint'}-{place['node']}")
 
 
 _STREAMS: dict[str, Callable[[str, int, int], _Stream]] = {

@@ -89,7 +89,7 @@ def _rig() -> dict[str, Any]:
 
 def _study() -> dict[str, Any]:
     """Of a study, with a plain number or word wherever a distribution may be."""
-    from bowden.study.schema import StudyFile
+    from bowden.study.file import StudyFile
 
     return _shortened(StudyFile.model_json_schema())
 

@@ -23,7 +23,7 @@ from bowden.models.cable.sheath import Sheath, slope_factor, width
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_motor, turn_spool
 from bowden.models.drive.holding_brake import HELD, BrakeState, HoldingBrake, brake_begin, brake_step, grips
-from bowden.models.drive.thermal import Thermal, ThermalState, warm
+from bowden.models.drive.thermal import Thermal, ThermalState, cold, warm
 from bowden.models.suit.arm import Arm, Wearer, gravity_torque, passive_torque, wearer_torque
 from bowden.models.suit.flex_sensor import FlexSensor, FlexState, flex_start, flex_step
 from bowden.models.suit.load_cell import CURRENT_NOISE, LoadCell, cell_reading
@@ -77,7 +77,6 @@ class SuitState(NamedTuple):
     """Torque of the suit on the elbow, flexing positive [N·m]."""
     wearer: float
     """Torque of the wearer's muscles, flexing positive [N·m]."""
-    motor_heat: ThermalState
 
 
 class Bends(NamedTuple):
@@ -105,10 +104,9 @@ def suit_start(suit: PreparedSuit, motor: float, joint: float, bend: float) -> S
     factor = slope_factor(bend + suit.posture * joint, suit.sheath)
     flexor = start_suit_cable(suit.flexor, suit.map.radius * spool, flexor_travel(joint, suit.map), factor)
     extensor = start_suit_cable(suit.extensor, -suit.extensor_radius * spool, -suit.joint_radius * joint, factor)
-    heat = ThermalState(suit.thermal.ambient, suit.thermal.ambient, 0.0)
     slack = Pull(0.0, 0.0)
     still = SpoolState(spool, 0.0, 0.0, 0.0, spool, 0.0, 0.0)
-    return SuitState(0.0, still, joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0, heat)
+    return SuitState(0.0, still, joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0)
 
 
 @noinline
@@ -134,20 +132,7 @@ def suit_step(
         if powered:
             spool = drive_motor(suit.motor, state.spool, target, step)
         state = _substep(suit, state, spool, bend, wearer, step)
-    heat = warm(suit.thermal, state.motor_heat, state.spool.current, dt)
-    return SuitState(
-        state.time,
-        state.spool,
-        state.joint,
-        state.joint_velocity,
-        state.flexor,
-        state.extensor,
-        state.flexor_pull,
-        state.extensor_pull,
-        state.interaction,
-        state.wearer,
-        heat,
-    )
+    return state
 
 
 @kernel
@@ -213,7 +198,6 @@ def _substep(
         extensor_pull,
         interaction,
         own,
-        state.motor_heat,
     )
 
 
@@ -256,11 +240,12 @@ class WornSuit(NamedTuple):
 
 
 class WornBody(NamedTuple):
-    """The suit, what its flex sensor remembers, and the brake."""
+    """The suit, what its flex sensor remembers, the brake, and how warm the motor is."""
 
     suit: SuitState
     flex: FlexState
     brake: BrakeState
+    heat: ThermalState
 
 
 class WornColumns(NamedTuple):
@@ -306,9 +291,11 @@ BRAKED_COLUMNS = WORN_COLUMNS | {"brake": "1"}
 def worn_rest(plant: WornSuit, motor: float, sheath: SheathState) -> WornBody:
     """See `bowden.plants.plant`: held there until the arm hangs in balance, its brake free."""
     state, bends = suit_start(plant.suit, motor, motor, sheath.bend), Bends(sheath.bend, sheath.bend)
+    heat = cold(plant.suit.thermal)
     for _ in range(plant.settling):
         state = suit_step(plant.suit, state, motor, True, bends, plant.wearer, plant.dt)
-    return WornBody(state, flex_start(state.joint), brake_begin(motor))
+        heat = warm(plant.suit.thermal, heat, state.spool.current, plant.dt)
+    return WornBody(state, flex_start(state.joint), brake_begin(motor), heat)
 
 
 @kernel
@@ -323,7 +310,8 @@ def worn_advance(
         if grips(brake):
             made = plant.held
     bends = Bends(sheath.bend, next_sheath.bend)
-    return WornBody(suit_step(made, suit, applied, powered, bends, plant.wearer, plant.dt), body.flex, brake)
+    suit = suit_step(made, suit, applied, powered, bends, plant.wearer, plant.dt)
+    return WornBody(suit, body.flex, brake, warm(made.thermal, body.heat, suit.spool.current, plant.dt))
 
 
 @kernel
@@ -334,7 +322,7 @@ def worn_observe(plant: WornSuit, body: WornBody, normals: Array) -> tuple[WornB
     motor = reading(suit_motor(plant.suit, state), normals[2], plant.motor_encoder)
     current = state.spool.current + CURRENT_NOISE * normals[3]
     load = cell_reading(plant.load_cell, state.interaction, normals[4])
-    return WornBody(state, flex, body.brake), Measurement(joint, motor, current, load)
+    return WornBody(state, flex, body.brake, body.heat), Measurement(joint, motor, current, load)
 
 
 @kernel
@@ -359,7 +347,7 @@ def worn_look(plant: WornSuit, body: WornBody) -> WornColumns:
         state.extensor_pull.motor,
         state.interaction,
         state.wearer,
-        state.motor_heat.winding,
+        body.heat.winding,
     )
 
 

@@ -142,12 +142,6 @@ def joint_angle(side: Side, own: float) -> float:
 
 
 @kernel
-def at_start(side: Side) -> BenchBody:
-    """A motor at rest before the run."""
-    return bench_rest(side.plant, own_angle(side, side.initial_motor), sheath_at(side.sheath, 0))
-
-
-@kernel
 def measure(side: Side, body: BenchBody, joint: float, k: int) -> Measurement:
     """What a law sees in cycle k, the `joint` being measured [rad]."""
     motor = reading(body.motor.position, side.normals[k], side.plant.motor_encoder)
@@ -180,14 +174,6 @@ def keep_side(
 
 
 @kernel
-def keep_state(states: Array, k: int, state: Any) -> None:
-    """Fill column k of `states` with a law's state and what the conditioner remembers."""
-    numbers = flat((state.law, state.conditioned))
-    for j in range(states.shape[0]):
-        states[j, k] = numbers[j]
-
-
-@kernel
 def run_joint(
     sides: tuple[Side, ...],
     load: JointLoad,
@@ -212,13 +198,13 @@ def run_joint(
         dt: length of a cycle [s].
         joints: to be filled: true and measured (2, n) [rad].
         records: to be filled, for each motor as `keep_side` has it (m, 7, n).
-        states: to be filled, for each motor as `keep_state` has it (m, k, n).
+        states: to be filled, for each motor with its law's state and what the conditioner remembers (m, k, n).
     """
     count, cycles = len(sides), references.shape[1]
     ends, signs = np.empty(count), np.empty(count)
     for i in range(count):
         signs[i] = sides[i].sign
-    bodies = [at_start(side) for side in sides]
+    bodies = [bench_rest(one.plant, own_angle(one, one.initial_motor), sheath_at(one.sheath, 0)) for one in sides]
     settings = [bare_settings(side.gains, side.conditioning, side.source) for side in sides]
     for i in range(count):
         ends[i] = signs[i] * bodies[i].joint
@@ -239,7 +225,9 @@ def run_joint(
             led[i] = state
             pull = cable_pull(body.joint, side.sign * joint, load.stiffness)
             keep_side(records[i], k, side, body, seen, command, pull)
-            keep_state(states[i], k, state)
+            numbers = flat((state.law, state.conditioned))
+            for j in range(states.shape[1]):
+                states[i, j, k] = numbers[j]
             ran_away = ran_away or not abs(command) < RUNAWAY
         if ran_away:
             return k

@@ -9,9 +9,8 @@ from bowden.core.errors import ParameterError
 from bowden.rig.config import checked_file, read_toml
 from bowden.rig.rig import Rig
 from bowden.study.distributions import Value
-from bowden.study.file import read_study
+from bowden.study.file import LONGEST, read_study
 from bowden.study.keys import missing_for, nearest, numeric_keys, plant_keys, simulated, with_values
-from bowden.study.schema import LONGEST
 from bowden.study.study import SENSOR_FAULTS, Column, Study
 
 _TRIED = 100

@@ -14,17 +14,17 @@ from bowden import __version__
 from bowden.control import Law
 from bowden.control.knowledge import Knowledge
 from bowden.control.law_file import LawFile, loaded
-from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_cache import source_hash
+from bowden.core.own_file import digest
 from bowden.models.cable.sheath_path import BendPath
 from bowden.plants.bends import RandomBend
 from bowden.rig.rig import Rig
 from bowden.sim.injected import Injected, SensorFault
 from bowden.sim.run import Case
 from bowden.study.distributions import Distribution, Value
+from bowden.study.file import KnownSection, StudyFile
 from bowden.study.keys import simulated, with_values
-from bowden.study.schema import KnownSection, StudyFile
 
 SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <= kind <= Injected.MOTOR_SIGN]
 """Faults that change what the law is shown and nothing else."""
@@ -193,8 +193,8 @@ class Study:
     def identity(self) -> dict[str, Any]:
         """All that the results depend on, as JSON values: two studies with the same give the same rows."""
         laws = [law for law in self.given if isinstance(law, LawFile)]
-        files = {Path(law.path).name: user_file.fingerprint(law.source) for law in laws}
-        files |= {one.file: user_file.fingerprint(one.source) for law in laws for one in law.modules}
+        files = {Path(law.path).name: digest(law.source)[:16] for law in laws}
+        files |= {one.file: digest(one.source)[:16] for law in laws for one in law.modules}
         return {
             "bowden": software(),
             "laws": [law.name for law in self.laws],

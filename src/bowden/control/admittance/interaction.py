@@ -40,7 +40,7 @@ LEAST_DOUBT = 1e-6
 
 
 class Chain(NamedTuple):
-    """Knowledge of motor and cables for the estimate; of a rig, as `bowden.plants.suit_push.chain_of` reads it."""
+    """Knowledge of motor and cables for the estimate; of a rig, as `bowden.plants.pushing.chain_of` reads it."""
 
     map: SpoolMap
     extensor_radius: float

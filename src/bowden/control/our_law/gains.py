@@ -24,7 +24,7 @@ class BowdenGains(NamedTuple):
     """σ, standard deviation of the joint's reading, counting included [rad]."""
     lag: float = 0.0
     """Time by which the joint follows the cable late, such as an arm in its springs; how it swings is learned [s]."""
-    bandwidth: Annotated[float, Quantity("c, of the observer: its rate κ is c/(1/ω + 1.5·τ)", live=True)] = 6.0
+    bandwidth: Annotated[float, Quantity("c, of the observer: its rate κ is c/(1/ω + 1.5·τ)", live=True)] = 4.3
 
 
 SUIT = BowdenGains(noise=0.0009, lag=0.09, bandwidth=4.0)

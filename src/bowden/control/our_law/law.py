@@ -3,9 +3,9 @@
     motor wanted = (φ + τ·φ̇ + ½·τ²·φ̈)/a + F + J              φ the reference, a the slope as learned, J a jump
     d̂ = s·(joint − φ) − y                                     what the joint would do without the correction; s = 1/a₀
     T²·ÿ + (lag + 0.5·T)·ẏ + y = F − τ·F' + u                 y, the correction at the joint; u the motor's shortfall
-    x' = 2q·(d̂ + I − x)                                       the innovation: what of d̂ is not yet in −I
+    x' = q·(d̂ + I − x)                                        the innovation: what of d̂ is not yet in −I
     I' = −κ·x·x²/(x² + σ₀²),  |I'| ≤ V = v + s·|φ̇|            the correction asked for
-    F'' = q²·(I − F) − 1.7q·F'                                the correction sent, twice differentiable
+    F'' = q²·(I − F) − 2q·F'                                  the correction sent, twice differentiable
     command = the servo's inverse of it, + f                  f' = −r·(u' + u/(2T_s)), for what the drive leaves
 
 Everything that moves the joint is one disturbance, which is taken away. The law's own correction cancels in d̂: where
@@ -29,11 +29,9 @@ from bowden.core.signals import Reference, Sample
 
 DELAYS = 1.5
 """Delays that weigh as much as 1/ω in κ: the delay itself and half of it for the sample before [–]."""
-COMMAND_NOISE = 0.0035
-"""n, bound on F''/ω² in the command from the joint's noise alone, standard deviation [rad]."""
-FILTER_DAMPING, THIRD_POLE = 0.85, 2.0
-"""Of F's two poles, and x's pole over q: together they delay F by 2.2/q. With less damping the loop bears much less of
-a wrong slope; with a slower third pole there is as much noise for more delay [–]."""
+COMMAND_NOISE = 0.007
+"""n, bound on F''/ω² in the command from the joint's noise alone, standard deviation. x and F have three poles, all at
+q, and so are 3/q late; with two of less damping the loop bears less of a wrong slope [rad]."""
 STOPPED, LEAST_SPEED = 0.05, 1.0
 """v is the way within which servo and delay can stop, over T_s, and a speed beside it [rad, rad/s]."""
 UNKNOWN_LAG = 0.35
@@ -130,7 +128,7 @@ def update_drive(
     Friction that the drive does not make up for by itself changes its sign where the reference turns to this `side`: f
     jumps by b, and back where the reference turns again before the motor has moved.
     """
-    omega, late, most, jump = gains.servo_frequency, servo_time(gains), 3.0 * WIDEST, 0.0
+    omega, late, most, jump = gains.servo_frequency, servo_time(gains), 4.0 * WIDEST, 0.0
     sticks, place, lacked, added = before.sticks, before.place, before.lacked, before.fed_forward
     stick, back = before.stick, before.stick_back
     if side * before.side < 0.0:
@@ -180,7 +178,7 @@ def request(
     before: Observer, disturbance: float, kappa: float, quick: float, least: float, most: float, dt: float
 ) -> tuple[float, float]:
     """I and x, of d̂; `least` is the innovation that is no news, `most` is V [rad, rad]."""
-    z = THIRD_POLE * quick * dt
+    z = quick * dt
     x = before.innovation + (disturbance + before.requested - before.innovation) * (z / (1.0 + z))
     step = share_in(kappa, dt) * x * x * x / (x * x + least * least + 1e-30)
     return before.requested - max(-most * dt, min(most * dt, step)), x
@@ -189,9 +187,8 @@ def request(
 @kernel
 def send(before: Observer, requested: float, quick: float, dt: float) -> tuple[float, float, float]:
     """F, its rate and its acceleration: `requested` through two poles at `quick`, q [rad, rad/s, rad/s²]."""
-    stiff, damping = quick * quick, 2.0 * FILTER_DAMPING * quick
-    pull = stiff * (requested - before.sent - dt * before.sent_rate) - damping * before.sent_rate
-    acceleration = pull / (1.0 + dt * (damping + dt * stiff))
+    pull = quick * (quick * (requested - before.sent - dt * before.sent_rate) - 2.0 * before.sent_rate)
+    acceleration = pull / ((1.0 + quick * dt) * (1.0 + quick * dt))
     rate = before.sent_rate + dt * acceleration
     return before.sent + dt * rate, rate, acceleration
 
@@ -248,7 +245,7 @@ def step(
 
     # the cable, and F
     late = gains.lag + 2.0 * LOAD_DAMPING * load
-    answer = 1.0 / kappa + (2.0 * FILTER_DAMPING + 1.0 / THIRD_POLE) / quick + delay
+    answer = 1.0 / kappa + 3.0 / quick + delay
     asked, rate = Reference(position, reference.velocity, reference.acceleration), state.drive.velocity
     cable, requested, shift = update_deadzone(
         gains, cable, joint, plausible, motor, asked, late, answer, rate, before.requested, wanted, dt

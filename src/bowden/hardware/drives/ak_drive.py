@@ -177,10 +177,6 @@ class AkDrive(Driver):
             self._take_reply(reply, now)
         return True
 
-    def _judge(self, now: float) -> None:
-        self._check_silence(now)
-        self._update_state(self._standing())
-
     def _take_reply(self, reply: frames.AkReply, now: float) -> None:
         """A reply of the drive."""
         drive, readings = self._drive, self._readings

@@ -534,6 +534,12 @@ class CanopenDrive(Driver):
             return False
         return True
 
+    def _check_silence(self, now: float) -> None:
+        """One that has started again says so in its heartbeat."""
+
+    def _standing(self) -> DriveState:
+        return self._statusword_state if self._operational else DriveState.NOT_READY_TO_SWITCH_ON
+
     def _judge(self, now: float) -> None:
         readings = self._readings
         there = max(readings.motor_age, readings.joint_age) <= MOST_ANGLES_AGE
@@ -541,8 +547,6 @@ class CanopenDrive(Driver):
         if self._has_stop and (missing or not self._stop_released):
             readings.emergency = EMERGENCY_STOP
         self._inputs_age += 1
-        self._update_state(self._statusword_state if self._operational else DriveState.NOT_READY_TO_SWITCH_ON)
-        self._check_inert(now)
         if self._unwatched and self._operational:
             readings.found(UNWATCHED)
         readings.sampled = self._written

@@ -145,8 +145,12 @@ class Driver(ABC):
         """True if a frame is one that nobody but this host may send."""
 
     @abstractmethod
+    def _standing(self) -> DriveState:
+        """Where the drive is in this cycle."""
+
     def _judge(self, now: float) -> None:
-        """Where the drive is in this cycle, by `_update_state`, and what it does not say itself."""
+        """What it does not say itself, of the state that it is in now, and was in the cycle before."""
+        return
 
     @abstractmethod
     def _lead(self, found: Found, counts: float, target: float, torque: float, now: float) -> None:
@@ -241,7 +245,10 @@ class Driver(ABC):
                 readings.foreign += 1.0
             elif self._encoder is not None:
                 self._read_joint(self._encoder, identifier, data, now)
+        self._check_silence(now)
+        self._before, self._state = self._state, self._standing()
         self._judge(now)
+        self._check_inert(now)
         return readings.reading(now, self._state, self.errors)
 
     def _read_joint(self, encoder: JointEncoder, identifier: int, data: bytes, now: float) -> None:
@@ -298,10 +305,6 @@ class Driver(ABC):
         """The drive has answered an order: somebody else's where none of ours is open."""
         self._readings.foreign += float(self._unanswered == 0)
         self._unanswered = max(0, self._unanswered - 1)
-
-    def _update_state(self, state: DriveState) -> None:
-        """Where the drive is in this cycle."""
-        self._before, self._state = self._state, state
 
     def _has_fallen(self, power: Power, now: float) -> bool:
         """True if the drive has left operation by itself and must not be switched on again as if nothing was.

@@ -466,13 +466,13 @@ class MoteusDrive(Driver):
         self._mode_state = state_of(reply.mode)
         return True
 
+    def _standing(self) -> DriveState:
+        return DriveState.NOT_READY_TO_SWITCH_ON if self._lost else self._mode_state
+
     def _judge(self, now: float) -> None:
-        self._check_silence(now)
-        state = DriveState.NOT_READY_TO_SWITCH_ON if self._lost else self._mode_state
-        self._update_state(state)
-        if self._asked and self._before is DriveState.OPERATION_ENABLED is not state and state is not DriveState.FAULT:
+        enabled, state = DriveState.OPERATION_ENABLED, self._state
+        if self._asked and self._before is enabled is not state and state is not DriveState.FAULT:
             self._readings.found(TIMED_OUT if self._timed_out else LEFT)
-        self._check_inert(now)
 
     def _lead(self, found: Found, counts: float, target: float, torque: float, now: float) -> None:
         """See `Driver._lead`; the target of a board that is not in position mode is none, by which it stays."""

@@ -490,8 +490,6 @@ class OdriveDrive(Driver):
         return state_of(self._beat, self._counting_errors())
 
     def _judge(self, now: float) -> None:
-        self._check_silence(now)
-        self._update_state(self._standing())
         readings, led = self._readings, self._state is DriveState.OPERATION_ENABLED
         errors = 0 if self._lost else self._counting_errors()
         pressed = errors & frames.ESTOP and not self._stopped
@@ -502,7 +500,6 @@ class OdriveDrive(Driver):
             readings.found(frames.UNTOLD)
         if self._unwatched and not self._lost:
             readings.found(UNWATCHED)
-        self._check_inert(now)
 
     def _can_lead(self) -> bool:
         return self._state in (DriveState.SWITCH_ON_DISABLED, DriveState.OPERATION_ENABLED) and not self._expired

@@ -330,17 +330,13 @@ class ServoDrive(Driver):
         if sample.torque or sample.error:
             self._readings.found(JOINT_SERVO)
 
-    def _judge(self, now: float) -> None:
-        self._check_silence(now)
+    def _standing(self) -> DriveState:
         error = self._readings.error
         if not self._up or self._lost:
-            state = DriveState.NOT_READY_TO_SWITCH_ON
-        elif self._torque:
-            state = DriveState.FAULT_REACTION_ACTIVE if error else DriveState.OPERATION_ENABLED
-        else:
-            state = DriveState.FAULT if error else DriveState.SWITCH_ON_DISABLED
-        self._update_state(state)
-        self._check_inert(now)
+            return DriveState.NOT_READY_TO_SWITCH_ON
+        if self._torque:
+            return DriveState.FAULT_REACTION_ACTIVE if error else DriveState.OPERATION_ENABLED
+        return DriveState.FAULT if error else DriveState.SWITCH_ON_DISABLED
 
     def _can_lead(self) -> bool:
         return not self._readings.error

@@ -255,7 +255,7 @@ def model_text(fit: Fit) -> str:
         ]
     lines += _loop_lines(fit.chosen.loop)
     for name, fitted in fit.models.items():
-        if name not in (best.name, "bouc_wen") and not _usable(name, fitted):
+        if name not in (best.name, "bouc_wen") and not usable(name, fitted):
             lines += ["", f"# {name} is left out: the log does not show its parameters; no cable has what they came to"]
             continue
         recommended = {"judged_rms": fit.judged_rms} if name == best.name else {}
@@ -289,8 +289,8 @@ def _loop_lines(loop: HysteresisLoop | None) -> list[str]:
     return lines
 
 
-def _usable(name: str, fitted: ModelFit) -> bool:
-    """True if a rig takes the parameters."""
+def usable(name: str, fitted: ModelFit) -> bool:
+    """True if a rig takes the parameters: else the log does not show them, and only its page has the model."""
     try:
         check_parameters(name, fitted.parameters, name)
     except ParameterError:

@@ -21,7 +21,7 @@ from bowden.core.errors import LogError
 from bowden.core.units import DEGREES
 from bowden.identify.cable import trust
 from bowden.identify.cable.bouc_wen import fit_bouc_wen, fit_static, fit_terms, search
-from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.fit import Fit, usable
 from bowden.identify.cable.fitted import ModelFit, described
 from bowden.identify.cable.generalised import fit_branches, rough_branches
 from bowden.identify.cable.loads import fit_logs
@@ -173,7 +173,7 @@ def _fit_log(log: Log, seed: int, tell: Progress) -> Fit:
             f"{', '.join(kept)}; its error beyond the first half's range is not known to be small"
         )
     tell("done", 1.0)
-    others = {name: dict(one.parameters) for name, one in models.items() if name != best}
+    others = {name: dict(one.parameters) for name, one in models.items() if name != best and usable(name, one)}
     return Fit(
         models,
         replace(chosen.model, others=others, covered=log.covered, encoders=log.encoders),

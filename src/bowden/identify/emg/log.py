@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
 from bowden.identify.log.clock import check_finite, even_clock
-from bowden.identify.log.columns import FACTORS, TIMES, LogColumn, split_name
-from bowden.identify.log.read import RawLog, seconds_of
+from bowden.identify.log.columns import FACTORS, TIMES, split_name
 from bowden.records.table import Table, read_table
+from bowden.records.units import unit_of
 from bowden.sensing.onset_settings import LARGEST, QUICKEST, SAFE, SLOWEST
 
 Array = NDArray[np.float64]
@@ -148,8 +148,7 @@ def _recording(table: Table, names: tuple[str, ...], declared: float | None) -> 
     for name, values in zip((*times[:1], *names), (*columns[len(names) :], *columns), strict=False):
         check_finite(name, values, where)
     if times:
-        clock = {"time": LogColumn(0, times[0], split_name(times[0])[1])}
-        time, _, _ = seconds_of(RawLog(clock, {"time": columns.pop()}, where), None, path)
+        time = columns.pop() * FACTORS.get(split_name(times[0])[1] or unit_of(times[0]) or "s", 1.0)
     else:
         time = np.arange(len(columns[0])) / (declared or 1.0)
     even, columns, warnings = even_clock(time, columns, where)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowden.core.arguments import format_value
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import CABLE_LOG_LIMIT, DEGREES, RADIANS
-from bowden.identify.cable.turns import Index, motor_noise
+from bowden.identify.cable.turns import Index, least_swing, motor_noise, reversals
 from bowden.identify.log.columns import ANGLES, FACTORS, LENGTHS, LogColumn, split_name
 from bowden.plants.trust import Level, Trust
 
@@ -55,7 +55,7 @@ class AngleUnits(NamedTuple):
 
 
 _LEADS = 0.005
-"""Of the loop that `swapped` looks at: a quarter of the least that a recorded cable shows [–]."""
+"""Of the loop that looks swapped: a quarter of the least that a recorded cable shows [–]."""
 _STOPPED = 0.01
 """Share of the motor's range in which a joint that stands still makes the model's end a wrong one [–]. Within a cable's
 play it stands as the motor goes back, not on."""
@@ -405,17 +405,25 @@ def _beyond(angle: Angle, motor: bool, place: str, value: float) -> LogError:
     )
 
 
-def look_swapped(motor: Array, joint: Array, turns: Index) -> bool:
-    """True if motor and joint look swapped: a cable's far end lags, and so its loop is gone round one way.
+def odd_motions(motor: Array, joint: Array) -> list[Trust]:
+    """Why these (n,) [rad] are perhaps no motor and no joint that follows it: they look swapped, or the joint stands.
 
-    What is looked at is ½∮(m·dj − j·dm), over the motor's travel and the joint's range: 0.019 to 0.052 on 24 recordings
-    of cables, and nothing on one without play.
-
-    Args:
-        motor: (n,) [rad].
-        joint: (n,) [rad].
-        turns: samples at which the motor turns.
+    A cable's far end lags, and so its loop is gone round one way. What is looked at is ½∮(m·dj − j·dm), over the
+    motor's travel and the joint's range: 0.019 to 0.052 on 24 recordings of cables, and nothing on one without play. A
+    sensor at the end of its range reads one angle while the motor goes on, and so does a joint at a stop.
     """
+    turns, found = reversals(motor, least_swing(motor)), []
+    if _look_swapped(motor, joint, turns):
+        why = "the joint turns round before the motor does: motor and joint look swapped; exchange their columns"
+        found.append(Trust("no", (why,)))
+    if (stop := _stopped_at(motor, joint, turns)) is not None:
+        at, on = (one * DEGREES for one in stop)
+        why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
+        found.append(Trust("with care", (why,)))
+    return found
+
+
+def _look_swapped(motor: Array, joint: Array, turns: Index) -> bool:
     if len(turns) < 3:  # nothing is gone round: the chord of an open path has an area too
         return False
     round_ = slice(turns[0], turns[2 * ((len(turns) - 1) // 2)])
@@ -425,16 +433,8 @@ def look_swapped(motor: Array, joint: Array, turns: Index) -> bool:
     return area < -_LEADS * float(np.abs(np.diff(m)).sum() * np.ptp(j))
 
 
-def stopped_at(motor: Array, joint: Array, turns: Index) -> tuple[float, float] | None:
-    """The joint's angle at which it stands while the motor goes on, and how far that goes on [rad]; None where none is.
-
-    A sensor at the end of its range reads so, and a joint at a stop.
-
-    Args:
-        motor: (n,) [rad].
-        joint: (n,) [rad].
-        turns: samples at which the motor turns.
-    """
+def _stopped_at(motor: Array, joint: Array, turns: Index) -> tuple[float, float] | None:
+    """Where the joint stands [rad] while the motor goes on, and how far that goes on [rad]; None where it does not."""
     near = 3.0 * motor_noise(joint)
     direction = float(np.sign(np.sum((motor - motor.mean()) * (joint - joint.mean()))))
     slope = float(np.ptp(joint) / np.ptp(motor))

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from bowden.core.arguments import format_value, path_of
 from bowden.core.errors import LogError, ParameterError, counted
 from bowden.core.guesses import answering
-from bowden.core.units import DEGREES
 from bowden.identify.cable.turns import least_swing, resolution, reversals
 from bowden.identify.log.angles import (
     GAP,
@@ -24,8 +23,7 @@ from bowden.identify.log.angles import (
     angles_of,
     check_plausible,
     compared,
-    look_swapped,
-    stopped_at,
+    odd_motions,
     unwrapped,
     without_outliers,
 )
@@ -436,19 +434,8 @@ def prepare(
     check_length(len(even), name)
     counts = (resolution(motor.radians), resolution(joint.radians)) if clock else None
     even, motor_at, joint_at, repeats, seldom = at_new_readings(even, motor_at, joint_at)
-    found = "the joint turns round before the motor does: motor and joint look swapped; exchange their columns"
-    swapped, turns = Trust("no", (found,)), reversals(motor_at, least_swing(motor_at))
-    doubts = (
-        *doubts,
-        *of_units,
-        *odd_time(even, motor_at, joint_at),
-        *seldom,
-        *([swapped] if look_swapped(motor_at, joint_at, turns) else []),
-    )
-    if (stop := stopped_at(motor_at, joint_at, turns)) is not None:
-        at, on = (one * DEGREES for one in stop)
-        why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
-        doubts = (*doubts, Trust("with care", (why,)))
+    motions = (*odd_time(even, motor_at, joint_at), *seldom, *odd_motions(motor_at, joint_at))
+    doubts = (*doubts, *of_units, *motions)
     said = (*(one for one in warnings if one), *notes, *more, *gear, *clock, *repeats)
     encoders = Encoders(*(angles[side].count for side in SIDES))
     return Log(even, motor_at, joint_at, name, said, doubts, counts, encoders)
