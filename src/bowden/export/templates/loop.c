@@ -210,7 +210,7 @@ void loop_cycle(const double lateness, const double elapsed)
         cycle.requested_target = armed_at;
         cycle.source = 1;
         if (preflight == SAFETY_PREFLIGHT_RESULT_PENDING && !waits) {
-            preflight = board_preflight(since, &observed.reading, &cycle.requested_target);
+            preflight = board_preflight(since - elapsed, &observed.reading, &cycle.requested_target);
         }
     } else if (mode == SAFETY_MODE_RUNNING) {
         if (begins) {
