@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from bowden.core.arguments import number
 from bowden.core.errors import OutputError, ParameterError
 from bowden.core.files import shortened, whole_files
+from bowden.core.own_file import OwnFile, UserModule
 from bowden.core.quantity import texts_of
 from bowden.core.toml_text import quoted, with_keys
-from bowden.core.user_file import UserModule, restored
 
 KEYS = st.sampled_from(["a", "b", "c"])
 TREES = st.dictionaries(st.sampled_from(["one", "two", "one.sub"]), st.dictionaries(KEYS, st.integers(0, 9)))
@@ -63,18 +63,20 @@ def test_the_text_of_a_name_stands_behind_or_below_its_value() -> None:
 def test_a_users_file_is_restored_where_it_stands_or_as_a_copy_with_its_modules(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bowden.core.user_file.cache_folder", lambda: tmp_path / "cache")
+    monkeypatch.setattr("bowden.core.own_file.cache_folder", lambda: tmp_path / "cache")
     path, modules = tmp_path / "own.py", (UserModule("parts/part.py", b"x = 1"),)
+    alone, whole = (OwnFile("own.py", str(path), b"import parts", parts) for parts in ((), modules))
     for _ in range(2):
-        copied = restored(path, b"import parts", "laws", modules)
-        assert copied.path != path
-        assert copied.path.read_bytes() == b"import parts"
-        assert (copied.path.parent / "parts/part.py").read_bytes() == b"x = 1"
-        copied.path.write_bytes(b"edited")  # and is mended
+        copied = Path(whole.restored().path)
+        assert copied != path
+        assert copied.read_bytes() == b"import parts"
+        assert (copied.parent / "parts/part.py").read_bytes() == b"x = 1"
+        copied.write_bytes(b"edited")  # and is mended
     path.write_bytes(b"import parts")
-    assert restored(path, b"import parts", "laws", modules).path != path, "one of its modules is missing"
-    assert restored(path, b"import parts", "laws").path == path
-    assert restored(path, b"other", "laws").path != path
+    assert whole.restored().path != str(path), "one of its modules is missing"
+    assert alone.restored() == alone
+    path.write_bytes(b"other")
+    assert alone.restored().path != str(path)
 
 
 def test_why_a_folder_cannot_be_made_is_said(tmp_path: Path) -> None:
