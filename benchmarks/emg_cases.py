@@ -270,6 +270,7 @@ def main() -> None:
     parser.add_argument("numbers", nargs="?", default="", help=f"COUNT or FIRST:END of the cases; {COUNT} without it")
     parser.add_argument("--set", choices=list(SETS), default="development", dest="set_name")
     parser.add_argument("--changing", action="store_true", help="draws whose rest changes, and has bursts, as people's")
+    parser.add_argument("--rate", type=float, default=0.0, help="of the signal, in place of the drawn ones [Hz]")
     parser.add_argument("--detector", default=DEFAULT.name)
     parser.add_argument("--peers", action="store_true", help="the paper's threshold and TKEO, too")
     parser.add_argument("--wearer", action="store_true", help="the same detector with a wearer's file, too")
@@ -282,9 +283,10 @@ def main() -> None:
     finders |= {f"{given.detector}, wearer known": known} if given.wearer else {}
     stretches = range(numbers.start, numbers.start + math.ceil(3600.0 * given.rest / REST_SECONDS))
     kind = "rest that changes; " if given.changing else ""
+    kind += f"{given.rate:g} Hz; " if given.rate else ""
     looks = look(name, numbers, f"{kind}{', '.join(finders)}; {given.rest:g} h of rest")
-    cases = (draw(name, k, given.changing) for k in numbers)
-    rests = (draw_rest(name, k, given.changing) for k in stretches)
+    cases = (draw(name, k, given.changing, given.rate) for k in numbers)
+    rests = (draw_rest(name, k, given.changing, given.rate) for k in stretches)
     done = list(progress(play(finders, cases), len(numbers), "cases"))
     rest = list(progress(play(finders, rests), len(stretches), "stretches of rest"))
     made: dict[str, Any] = {}

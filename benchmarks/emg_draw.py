@@ -337,10 +337,11 @@ def _changed(
     return size, np.exp(0.5 * levels[:-1])
 
 
-def draw(set_name: str, number: int, changing: bool = False) -> Case:
-    """The case of a number; with rest that changes across contractions, or not."""
+def draw(set_name: str, number: int, changing: bool = False, rate: float = 0.0) -> Case:
+    """The case of a number; with rest that changes across contractions, or not; at a rate that is not its own [Hz]."""
     random = random_of(set_name, number, _CHANGING if changing else _CASES)
-    chosen, rate = _families(random, CHANGING if changing else FAMILIES), float(random.choice(RATES))
+    chosen, own = _families(random, CHANGING if changing else FAMILIES), float(random.choice(RATES))
+    rate = rate or own
     plan, duration = _plan(chosen, random)
     count = next_fast_len(round(duration * rate), real=True)
     time = np.arange(count) / rate
@@ -475,10 +476,11 @@ REST_SECONDS = 600.0
 """Of one stretch of rest [s]."""
 
 
-def draw_rest(set_name: str, number: int, changing: bool = False) -> Case:
+def draw_rest(set_name: str, number: int, changing: bool = False, rate: float = 0.0) -> Case:
     """Ten minutes of rest of a number: every third second something that is no contraction; with bursts, or not."""
     random = random_of(set_name, number, _BURSTS if changing else _RESTS)
-    chosen, rate = _families(random), float(random.choice(RATES))
+    chosen, own = _families(random), float(random.choice(RATES))
+    rate = rate or own
     count = next_fast_len(round(REST_SECONDS * rate), real=True)
     facts: dict[str, float] = {}
     beside, phase = _around(count, chosen, rate, facts, random)

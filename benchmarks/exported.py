@@ -17,9 +17,8 @@ from bowden.control.conditioning import condition_start, condition_step
 from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
-from bowden.export.files import files
+from bowden.export.files import FLAGS, files
 from bowden.export.modules import emg_modules, law_module
-from bowden.export.readme import FLAGS
 from bowden.export.unit import Module
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets import paper

@@ -46,14 +46,17 @@ def attacks(cycles: int, done: int) -> Iterator[list[Any]]:
         yield [seed, *attack(MEASURED, cycles, seed)]
 
 
-def of_devices(cases: Iterable[tuple[str, Any]], react: Callable[[Path, str, Any], Any]) -> list[tuple[Any, Any]]:
-    """Each family of drives, or kind of load cell, with each of its faults: the row, and what came of it."""
+def of_devices(
+    cases: Iterable[tuple[str, Any]], react: Callable[[Path, str, Any], Any]
+) -> list[tuple[Any, Any, list[str]]]:
+    """Each family of drives, or kind of load cell, with each of its faults: the row, what came of it, what is wrong."""
     found = []
     for name, row in cases:
         with tempfile.TemporaryDirectory() as folder:
-            found.append((row, react(Path(folder), name, row)))
-            if said := family_matrix.complaints(row, found[-1][1]):
-                print("wrong:", name, row.text, *said)
+            out = react(Path(folder), name, row)
+            found.append((row, out, [*family_matrix.complaints(row, out)]))
+            if found[-1][2]:
+                print("wrong:", name, row.text, *found[-1][2])
     return found
 
 
@@ -74,8 +77,8 @@ def figures(share: float) -> Found:
     blind = sum(not row[-2] for row in ones if max(ROWS[Injected[row[1]]].reactions) > 1)
     drives = of_devices(family_matrix.cases(), family_matrix.react)
     loads = of_devices(family_matrix.load_cases(), family_matrix.react_load)
-    bad, odd = (sum(bool(family_matrix.complaints(*one)) for one in found) for found in (drives, loads))
-    inert = max(found.after for row, found in drives if row.text == "inert")
+    bad, odd = (sum(bool(said) for _, _, said in found) for found in (drives, loads))
+    inert = max(found.after for row, found, _ in drives if row.text == "inert")
     return Found(
         [
             Figure(f"a drive's fault, {len(drives)} runs: too late, or torque left", str(bad), "0", not bad),

@@ -9,7 +9,7 @@ beyond its limit, or a jump, by the supervisor's rules on what the law was shown
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,16 +34,25 @@ from measure import Figure, Found
 from unseen_cells import DURATION, Cell, draw
 from wearers import random_wearer
 
+IMU = JointSensor(source="imu")
 SENSORS = {
-    "IMU (100 Hz, 10 ms late, 2°, 1°/min)": JointSensor(source="imu"),
+    "IMU (100 Hz, 10 ms late, 2°, 1°/min)": IMU,
     "stretch sensor (3° wrong, 0.5°)": JointSensor(
         source="stretch", noise=0.5 * RADIANS, offset=3.0 * RADIANS, drift=0.0
     ),
     "motor alone": JointSensor(source="motor"),
 }
 """What takes the encoder's place."""
-LAW_NAMES = ("adaptive", "bowden")
-CELLS, WEARERS = range(9000, 9060), range(60_000, 60_020)
+WITHOUT = {
+    "IMU without its delay": IMU._replace(delay=0.0),
+    "IMU without its drift": IMU._replace(drift=0.0),
+    "IMU without its noise": IMU._replace(noise=0.01 * RADIANS),
+    "IMU at 1 kHz": IMU._replace(period=1e-3),
+    "IMU at 1 kHz, with neither": IMU._replace(period=1e-3, delay=0.0, drift=0.0, noise=0.01 * RADIANS),
+}
+"""Which part of it costs how much: on cells, of our law."""
+OURS = "bowden"
+CELLS, WEARERS = range(9100, 9160), range(61_000, 61_200)
 """Fresh draws, looked at once."""
 PERIOD, FLEXIONS = 25.0, 2
 _WRONG = 0.15
@@ -68,7 +77,7 @@ def model_in(sensor: JointSensor, cell: Cell) -> JointModel:
     return model_of(sensor, slope, cell.initial_motor - start / slope, abs(slope) * lost * off[1])
 
 
-def in_cells(numbers: range) -> Iterator[dict[str, Errors]]:
+def in_cells(numbers: range, sensors: Iterable[JointSensor], law_names: Sequence[str]) -> Iterator[dict[str, Errors]]:
     """Law → its errors, cell by cell."""
     cells = [draw("judging", number) for number in numbers]
     cells.sort(key=lambda cell: (cell.rig.inner.cable.name, cell.rig.sample_time, cell.number))
@@ -76,13 +85,13 @@ def in_cells(numbers: range) -> Iterator[dict[str, Errors]]:
     def cases(sensor: JointSensor | None) -> Iterator[Case]:
         for cell in cells:
             plant: Any = cell.rig if sensor is None else Estimated(cell.rig, model_in(fitting(sensor, cell), cell))
-            laws = tuple(configured(LAWS[name], cell.known) for name in LAW_NAMES)
+            laws = tuple(configured(LAWS[name], cell.known) for name in law_names)
             yield Case(plant, laws, cell.reference, cell.bend, cell.number, cell.initial_motor)
 
-    played = [simulate_many(cases(sensor), DURATION) for sensor in (None, *SENSORS.values())]
+    played = [simulate_many(cases(sensor), DURATION) for sensor in (None, *sensors)]
     for cell, *outcomes in zip(cells, *played, strict=True):
         found = {}
-        for place, name in enumerate(LAW_NAMES):
+        for place, name in enumerate(law_names):
             runs = [one[place] for one in outcomes]
             rmse = [run.rmse * DEGREES if run.ended and run.peak <= cell.allowed else math.nan for run in runs]
             found[name] = Errors(rmse[0], tuple(rmse[1:]))
@@ -134,10 +143,10 @@ def on_wearers(numbers: range) -> Iterator[tuple[Errors, int]]:
         yield Errors(rmse[0], tuple(rmse[1:])), false
 
 
-def _row(where: str, law: str, errors: list[Errors]) -> list[list[str]]:
+def _row(where: str, law: str, errors: list[Errors], sensors: Iterable[str] = SENSORS) -> list[list[str]]:
     """A row for each sensor."""
     rows = []
-    for place, sensor in enumerate(SENSORS):
+    for place, sensor in enumerate(sensors):
         both = [(one.encoder, one.sensors[place]) for one in errors if not math.isnan(one.encoder)]
         lost = sum(math.isnan(mine) for _, mine in both)
         kept = np.array([pair for pair in both if not math.isnan(pair[1])])
@@ -151,13 +160,18 @@ def _row(where: str, law: str, errors: list[Errors]) -> list[list[str]]:
 def figures(share: float) -> Found:
     """Cells and wearers."""
     cells, wearers = (one[: max(2, round(share * len(one)))] for one in (CELLS, WEARERS))
-    played = list(in_cells(cells))
-    rows = [row for law in LAW_NAMES for row in _row("cells", law, [one[law] for one in played])]
+    played = list(in_cells(cells, SENSORS.values(), list(LAWS)))
+    rows = [row for law in LAWS for row in _row("cells", law, [one[law] for one in played])]
+    parts = [one[OURS] for one in in_cells(cells, WITHOUT.values(), [OURS])]
+    rows += _row("cells", OURS, parts, WITHOUT)
     worn = list(on_wearers(wearers))
     errors, false = [one for one, _ in worn], sum(number for _, number in worn)
-    rows += _row("wearers", "bowden", errors)
+    rows += _row("wearers", OURS, errors)
     ratios = [one.sensors[0] / one.encoder for one in errors]
+    of_cells = np.nanmedian([one[OURS].sensors[0] / one[OURS].encoder for one in played])
     found = [
+        Figure("our law by IMU on cells: median RMSE over the encoder's", f"{of_cells:.2f}", "1.5",
+               bool(of_cells <= 1.5)),
         Figure("our law by IMU on wearers: median RMSE over the flex sensor's", f"{np.median(ratios):.2f}", "1.5",
                bool(np.median(ratios) <= 1.5)),
         Figure("false releases, of all wearers and sensors", f"{false} of {len(worn) * len(SENSORS)}", "0", false == 0),

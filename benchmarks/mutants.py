@@ -275,23 +275,26 @@ def put_in_place(mutant: Mutant) -> None:
     file, text = str(PACKAGE / mutant.path), changed_source(mutant)
     linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
     code = compile(text, file, "exec")
+    name = "bowden." + mutant.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+    module = importlib.import_module(name)  # or a test that imports it late would import what has not changed
     if mutant.function:
         outer = mutant.function.partition(".<locals>")[0]
-        new = next(one for one in codes(code) if one.co_qualname == outer)
-        old = [one for one in gc.get_objects() if type(one) is FunctionType and one.__code__.co_qualname == outer]
-        for function in old:
-            if function.__code__.co_filename == file:
-                function.__code__ = new
+        within = [one for one in codes(code) if one.co_qualname.partition(".<locals>")[0] == outer]
+        times = Counter(one.co_qualname for one in within)
+        new = {one.co_qualname: one for one in within if times[one.co_qualname] == 1}  # lambdas have no name
+        for function in [one for one in gc.get_objects() if type(one) is FunctionType]:
+            old = function.__code__
+            if old.co_filename == file and old.co_qualname in new:
+                function.__code__ = new[old.co_qualname]
         return
-    name = "bowden." + mutant.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-    before, after = vars(importlib.import_module(name)), {"__name__": name, "__file__": file}
-    old = dict(before)
+    before, after = vars(module), {"__name__": name, "__file__": file}
+    first = dict(before)
     exec(code, after)
     for key, value in after.items():
         if isinstance(value, int | float) and key in before and before[key] != value:
             modules = [vars(module) for module in list(sys.modules.values()) if isinstance(module, ModuleType)]
             for names in [*modules, *(dispatcher.py_func.__globals__ for dispatcher, *_ in COMPILED)]:
-                if key in names and names[key] is old[key]:
+                if key in names and names[key] is first[key]:
                     names[key] = value
 
 
@@ -525,7 +528,10 @@ class Mutating:
 
         def work() -> str:
             put_in_place(mutant)
-            compile_changed()
+            try:
+                compile_changed()
+            except Exception as error:  # of what tells contents apart
+                return f"compiling raises {error!r}"
             run([items[name] for name in names], until=lambda: bool(self._failed))
             return self._failed or "survives"
 

@@ -24,7 +24,6 @@ BENCH = {
 }
 """Part → its module (none: `speed`), its result file, and the caption."""
 SOAK = {
-    "stops": ("key_bursts", "Stops among other requests: 200 bursts of keys, 10 000 interleavings in memory"),
     "kills": ("process_kills", "Any process of a run killed or stopped, 1000 times"),
     "faults": ("fault_matrix", "The fault matrix: single faults, pairs, and ten million inputs of every kind"),
     "releases": ("releases", "A thousand releases on random rigs"),

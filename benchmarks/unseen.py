@@ -173,17 +173,33 @@ def table(found: Sequence[Standing]) -> str:
     return markdown(COLUMNS, rows)
 
 
+def over_rates(set_name: str, numbers: range, laws: Sequence[Law], rates: Sequence[float]) -> str:
+    """Median RMSE of each law at each rate of the loop, and how many cells are unstable."""
+    found = [
+        {one.law: one for one in standings(play(laws, [draw(set_name, number, rate) for number in numbers]))}
+        for rate in rates
+    ]
+    rows = [
+        [f"`{law.name}`", *(f"{of[law.name].rmse_deg:.2f}, {of[law.name].unstable}" for of in found)] for law in laws
+    ]
+    return markdown(("law", *(f"{rate:g} Hz" for rate in rates)), rows)
+
+
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--set", choices=list(SETS), default="development", dest="set_name")
     parser.add_argument("--seeds", default="", help="COUNT or FIRST:END; the set's own number without it")
+    parser.add_argument("--rates", default="", help="of the loop in place of the drawn ones, with commas [Hz]")
     parser.add_argument("--laws", default="", help="names and files, with commas; all without it")
     given = parser.parse_args()
     laws = [loaded(named(name)) for name in (given.laws.split(",") if given.laws else LAWS)]
     numbers, begun = numbers_in(given.seeds, COUNTS[given.set_name]), time.perf_counter()
     names = [law.name for law in laws]
     looks = look(given.set_name, numbers, names)
+    if given.rates:
+        print(over_rates(given.set_name, numbers, laws, [float(one) for one in given.rates.split(",")]))
+        return
     played = play(laws, [draw(given.set_name, number) for number in numbers])
     runs: list[Run] = list(progress(played, len(numbers) * len(laws), "runs"))
     counted_as = f"{time.perf_counter() - begun:.0f} s" + (f", look {looks}" if looks else "")

@@ -22,7 +22,8 @@ from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_be
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo
 from bowden.models.minimum_jerk import minimum_jerk_over
-from bowden.plants.cable_plant import Cable, CablePlant
+from bowden.plants.bench import Bench
+from bowden.plants.cable import Cable
 from bowden.plants.friction_cables import sliding
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.sim.run import Case
@@ -109,12 +110,14 @@ def random_of(set_name: str, number: int) -> np.random.Generator:
     return np.random.default_rng([16, SETS[set_name], number])
 
 
-def draw(set_name: str, number: int) -> Cell:
-    """The cell of that number in that set."""
+def draw(set_name: str, number: int, rate: float = 0.0) -> Cell:
+    """The cell of that number in that set; where a rate is given, with that clock and the same delay [Hz]."""
     random = random_of(set_name, number)
     families = {part: _one_of(random, weights) for part, weights in FAMILIES.items()}
     dt = float(random.choice([4e-3, 2e-3, 1e-3, 5e-4], p=[0.15, 0.2, 0.45, 0.2]))
     delay = int(random.integers(1, 9))
+    if rate:
+        dt, delay = 1.0 / rate, max(1, round(delay * dt * rate))
     stroke = float(random.uniform(20.0, 90.0)) * RADIANS
     motion = _motion(random, families, stroke)
     path, physical = _sheath_path(random, families["sheath"], motion), families["cable"] in ("capstan", "slack")
@@ -124,7 +127,7 @@ def draw(set_name: str, number: int) -> Cell:
     saturated = families["drive"] == "saturated"
     resolution = 2.0 * math.pi / 2.0 ** int(random.integers(12, 18))
     encoder = Encoder(resolution, float(random.uniform(0.2, 1.0)) * resolution + 0.002 * RADIANS)
-    inner = CablePlant(
+    inner = Bench(
         cable=drawn_cable(random, families),
         sheath=Sheath(bend=1.0, gap=1.0, loss=loss),
         servo=Servo(frequency, damping, speed_limit=float(random.uniform(1.5, 4.0)) if saturated else math.inf),

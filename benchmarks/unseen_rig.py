@@ -1,6 +1,6 @@
 """A rig on a person as one plant: any cable of the house, and what bodies, garments, drives and radio links add to it.
 
-Round the servo, the cable and the encoders of `bowden.plants.cable_plant.CablePlant`:
+Round the servo, the cable and the encoders of `bowden.plants.bench.Bench`:
 
     target = motor, where a motor at rest is asked for less than `stick`;   the command, else
     pulled = cable's end + pushes + tremor + creep·(1 − e^(−t/T))
@@ -26,9 +26,9 @@ from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo, ServoStep, prepare, servo_approach
-from bowden.plants.bench import BenchColumns
-from bowden.plants.cable_body import CableBody, Moving, Seen, cable_moved, cable_rest, spring_current
-from bowden.plants.cable_plant import Cable, CablePlant, prepare_plant
+from bowden.plants.bench import Bench, prepare_bench
+from bowden.plants.bench_body import BenchBody, BenchColumns, Moving, bench_moved, bench_rest, spring_current
+from bowden.plants.cable import Cable, Seen
 from bowden.plants.plant import Dynamics, SheathPath, SheathState, draw_for_encoders
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ class WornParameters(NamedTuple):
 class WornBody(NamedTuple):
     """Where everything is."""
 
-    cable: CableBody
+    cable: BenchBody
     load: float
     """The arm [rad]."""
     load_speed: float
@@ -105,7 +105,7 @@ class WornBody(NamedTuple):
 class WornRig(NamedTuple):
     """A cable plant as a person wears it."""
 
-    inner: CablePlant
+    inner: Bench
     worn: Worn
 
     @property
@@ -147,7 +147,7 @@ class WornRig(NamedTuple):
         """See `Plant.dynamics`."""
         cable, dt = self.inner.cable, self.inner.sample_time
         load = prepare(Servo(max(self.worn.load_frequency, 1e-3), self.worn.load_damping), dt)
-        made = WornParameters(prepare_plant(self.inner), self.worn, load, dt / (self.worn.sensor_lag + dt))
+        made = WornParameters(prepare_bench(self.inner), self.worn, load, dt / (self.worn.sensor_lag + dt))
         parts = {"cable_start": cable.start, "cable_advance": cable.advance, "cable_look": cable.look}
         name = f"worn_{cable.advance.__name__}"
         units = {"joint": "rad", "motor": "rad", "motor_velocity": "rad/s", "motor_acceleration": "rad/s²", "h": "1"}
@@ -173,7 +173,7 @@ class WornRig(NamedTuple):
 @kernel
 def worn_rest(plant: WornParameters, motor: float, sheath: SheathState) -> WornBody:
     """See `bowden.plants.plant`."""
-    body = cable_rest(plant.moving, motor, sheath)
+    body = bench_rest(plant.moving, motor, sheath)
     return WornBody(body, body.joint, 0.0, body.joint, body.joint, body.joint, 0.0)
 
 
@@ -195,7 +195,7 @@ def worn_advance(
     """One cycle later; see the module."""
     worn, motor, time = plant.worn, body.cable.motor, body.time + plant.moving.dt
     sticks = np.abs(motor.velocity) < _RATTLE and np.abs(applied - motor.position) < worn.stick
-    cable = cable_moved(plant.moving, body.cable, motor.position if sticks else applied, sheath, next_sheath)
+    cable = bench_moved(plant.moving, body.cable, motor.position if sticks else applied, sheath, next_sheath)
     pulled = cable.joint + moved_by_the_body(worn, time)
     load, speed = pulled, 0.0
     if worn.load_frequency > 0.0:
@@ -286,7 +286,7 @@ def worn_start(cable: PreparedWorn, motor: float, width: float, slope_factor: fl
 
 @kernel
 def worn_pushed(
-    cable: PreparedWorn, memory: WornMemory, before: float, after: float, width: float, slope_factor: float, dt: float
+    cable: PreparedWorn, memory: WornMemory, before: float, after: float, scaled: float, width: float, dt: float
 ) -> WornMemory:
     """Every play operator pushed by the motor, and the Bouc–Wen term over its travel; in place."""
     made = cable.cable
@@ -308,7 +308,7 @@ def worn_seen(cable: PreparedWorn, memory: WornMemory, motor: float, width: floa
 
 
 def worn_cable(cable: WornCable) -> Cable:
-    """The cable for a `CablePlant`."""
+    """The cable for a bench."""
     term = BoucWen(slope=cable.slope, hysteresis_gain=cable.height, rate=cable.rate)
     prepared = PreparedWorn(cable, prepare_cable(term))
     return Cable("worn", cable, prepared, worn_start, worn_pushed, worn_seen, cable.slope)

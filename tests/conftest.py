@@ -84,6 +84,21 @@ def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.fixture
+def command(capsys: pytest.CaptureFixture[str]) -> Any:
+    """Runs command lines in this process, see `support.command.Command`."""
+    from support.command import Command
+
+    return Command(capsys)
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder, which is the current one."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder in which commands keep what they know of a motor; the test's own, and not the user's."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))

@@ -1,6 +1,6 @@
 """A run of the loop on a clock of the tests': the loop, and all that is around it in a live run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,9 @@ from bowden.live import control_block, ring
 from bowden.live.brake_hold import BrakeHold
 from bowden.live.control_block import ControlBlock
 from bowden.live.figures import Damage
-from bowden.live.loop import Ended, Loop, MotorParts
+from bowden.live.loop import Ended, Loop, LoopMotor
 from bowden.live.mcap_read import Recording
-from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
+from bowden.live.ring import Description, RecorderState, Report, RingReader, RingWriter
 from bowden.live.row import AT, NOTHING_READ, columns, description
 from bowden.live.script import Script
 from bowden.models.cable.sheath_path import constant_bend
@@ -50,13 +50,75 @@ def twin_bench() -> TwinBench:
     return TwinBench(bench, constant_bend(bench.sheath.bend), 1.0, 1, 0.0, 1.0)
 
 
-class LoopRig:
-    """A loop, its ring and control block, a recorder that is well, and an operator; it is the loop's clock too.
+def surroundings(folder: Path, about: Description, rows: int = ROWS) -> tuple[RingReader, ControlBlock, Any, Any]:
+    """A new ring and control block: what the tests hold of them, and what the loop does."""
+    ring.create(folder / "ring", about, rows)
+    shared_memory.create(folder / "block", control_block.WORDS)
+    block, words = (ControlBlock(folder / "block") for _ in "12")
+    return RingReader(folder / "ring"), block, RingWriter(folder / "ring"), words
+
+
+class Around:
+    """What is around a loop: its ring and control block, a recorder that is well, and an operator; it is the clock too.
 
     Time passes only while the loop sleeps. In each sleep `between` does what the test wants: it lets `time` go on, or
     ends the operator's signs of life with `operator`. What is asked: ARM in the sleeps of the numbers `arms`, RUN when
     the preflight is passed, and the end where the run rests in the sleep `quits` or later.
     """
+
+    def __init__(
+        self,
+        folder: Path,
+        about: Description,
+        motors: Sequence[LoopMotor],
+        between: Callable[[Any], None],
+        *,
+        arms: tuple[int, ...] = (10,),
+        quits: float = 200,
+        **loop: Any,
+    ) -> None:
+        self.time, self.operator, self.arms = SECOND, True, arms
+        self.sleeps = 0
+        """Before this one: the number of the row that comes next."""
+        self._between, self._quits, self._about = between, quits, about
+        self.reader, self.block, writer, words = surroundings(folder, about)
+        self.loop = Loop(motors, writer, words, self, 0, **loop)
+
+    def now(self) -> int:
+        return self.time
+
+    def seen(self, row: Any) -> Mapping[str, float]:
+        """What a row says of the whole run."""
+        return dict(zip(self._about.columns, row.tolist(), strict=True))
+
+    def sleep_until(self, deadline: int) -> None:
+        self.time = max(self.time, deadline)
+        self.reader.recorder.write(Report(int(RecorderState.OK), self.time, 0, 0, 0, 0))
+        if self.operator:
+            self.block.beat(self.time)
+        newest = self.reader.last()
+        self._between(self)
+        if self.sleeps in self.arms:
+            self.block.ask(Request.ARM)
+        elif newest is not None:
+            seen = self.seen(newest)
+            if seen["mode"] == Mode.PREFLIGHT and seen["preflight"] == 1.0:
+                self.block.ask(Request.RUN)
+            elif seen["mode"] in (Mode.STOPPED, Mode.LATCHED) and self.sleeps >= self._quits:
+                self.block.quit()
+        self.sleeps += 1
+        assert self.sleeps < ROWS, "the run does not end"
+
+    def run(self) -> tuple[Ended, Recording]:
+        """The whole run, and its rows as the log would have them."""
+        ended, about = self.loop.run(), self._about
+        numbers, rows = self.reader.read()[:2]
+        damage, settings = Damage(0, 0, 0), dict(about.settings)
+        return ended, Recording({}, None, about.columns, about.units, numbers, rows, [], damage, settings)
+
+
+class LoopRig(Around):
+    """A loop of one motor."""
 
     def __init__(
         self,
@@ -67,57 +129,23 @@ class LoopRig:
         script: Script,
         between: Callable[["LoopRig"], None] = lambda rig: None,
         *,
-        arms: tuple[int, ...] = (10,),
-        quits: float = 200,
         source: Source = TABLE,
         course: EmgCourse | None = None,
         push: TorqueOffset | None = None,
         brake: BrakeHold | None = None,
         latched: float | None = None,
+        **asked: Any,
     ) -> None:
-        self.time, self.operator, self.drive = SECOND, True, drive
-        self.sleeps = 0
-        """Before this one: the number of the row that comes next."""
+        self.drive = drive
         self.led = 0
         """Cycles in which the law had the motor."""
-        self._between, self._arms, self._quits = between, arms, quits
         parts = {"emg": course is not None, "pushed": push is not None, "braked": brake is not None}
         about = description(columns(law, **parts, source=source), {}, 0, 0)
-        self._columns, self._units = about.columns, about.units
-        ring.create(folder / "ring", about, ROWS)
-        shared_memory.create(folder / "block", control_block.WORDS)
-        self.reader, self.block = RingReader(folder / "ring"), ControlBlock(folder / "block")
         cycle = Cycle(law, limits, Filters(), PERIOD / SECOND, source)
         cycle.begin(NOTHING_READ, cold(limits.thermal), latched)
-        writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
-        self.loop = Loop((MotorParts(drive, cycle, script, course, push, brake),), writer, words, self, 0)
-
-    def now(self) -> int:
-        return self.time
+        super().__init__(folder, about, [LoopMotor(drive, cycle, script, course, push, brake)], between, **asked)
 
     def sleep_until(self, deadline: int) -> None:
-        self.time = max(self.time, deadline)
-        self.reader.recorder.write(Report(int(RecorderState.OK), self.time, 0, 0, 0, 0))
-        if self.operator:
-            self.block.beat(self.time)
         row = self.reader.last()
         self.led += row is not None and row[AT["source"]] >= LAW_BEGINS
-        self._between(self)
-        if row is not None:
-            self._ask(Mode(int(row[AT["mode"]])), row[AT["preflight"]] == 1.0)
-        self.sleeps += 1
-        assert self.sleeps < ROWS, "the run does not end"
-
-    def _ask(self, mode: Mode, passed: bool) -> None:
-        if self.sleeps in self._arms:
-            self.block.ask(Request.ARM)
-        elif mode == Mode.PREFLIGHT and passed:
-            self.block.ask(Request.RUN)
-        elif mode in (Mode.STOPPED, Mode.LATCHED) and self.sleeps >= self._quits:
-            self.block.quit()
-
-    def run(self) -> tuple[Ended, Recording]:
-        """The whole run, and its rows as the log would have them."""
-        ended = self.loop.run()
-        numbers, rows = self.reader.read()[:2]
-        return ended, Recording({}, None, self._columns, self._units, numbers, rows, [], Damage(0, 0, 0))
+        super().sleep_until(deadline)

@@ -1,6 +1,6 @@
 """A run of several motors on a clock of the tests': benches that are read and written in the loop's own process."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,24 +11,17 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.clock import SECOND
 from bowden.core.signals import DriveReading
 from bowden.cycle.one_cycle import Cycle, Filters
-from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
-from bowden.live import control_block, ring, row, together
-from bowden.live.control_block import ControlBlock
-from bowden.live.ended import Ended
-from bowden.live.figures import Damage
-from bowden.live.loop import Loop, MotorParts
-from bowden.live.mcap_read import Recording
+from bowden.live import row, together
+from bowden.live.loop import LoopMotor
 from bowden.live.preflight import Preflight
-from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
 from bowden.live.row import NOTHING_READ
 from bowden.live.run_settings import run_settings
 from bowden.live.script import Script
 from bowden.live.together import of_all
 from bowden.models.drive.thermal import cold
 from bowden.safety.limits import Limits
-from bowden.safety.state import Mode, Request
-from loop_rig import PERIOD, ROWS, twin_bench
+from loop_rig import PERIOD, Around, twin_bench
 from support.simulated_drive import SimulatedDrive
 
 Misread = Callable[[int, DriveReading], DriveReading]
@@ -66,8 +59,8 @@ class OneDrive:
         return self._drive.close()
 
 
-class MotorsRig:
-    """A loop of several motors, with all that is around it; it is the loop's clock too, see `loop_rig.LoopRig`.
+class MotorsRig(Around):
+    """A loop of several motors.
 
     Armed in the sleep 10, run once the preflights of all have passed, and ended where the run rests in the sleep
     `quits` or later.
@@ -94,9 +87,7 @@ class MotorsRig:
         laws: tuple[Law, ...] = (),
         scripts: tuple[Script, ...] = (),
     ) -> None:
-        self.time, self.sleeps, self.names, self.independent = SECOND, 0, names, independent
-        self.asks = (10,)
-        self._quits, self._between = quits, between
+        self.names, self.independent = names, independent
         whole = limits or Limits()
         table = PeriodicMinimumJerk(0.0, 1.0, 4.0).sample(np.arange(round(1000 * seconds)) * 1e-3)
         laws = laws or (law,) * len(names)
@@ -114,11 +105,6 @@ class MotorsRig:
             for name, one, by in zip(names, own, laws, strict=True)
         ]
         self.settings = {**kept, "motors": motors, "independent": independent}
-        about = row.description(columns, self.settings, 0, 0)
-        self._columns, self._units = about.columns, about.units
-        ring.create(folder / "ring", about, ROWS)
-        shared_memory.create(folder / "block", control_block.WORDS)
-        self.reader, self.block = RingReader(folder / "ring"), ControlBlock(folder / "block")
         self.drives = [OneDrive(drive) for drive in benches] or [OneDrive() for _ in names]
         self.scripts = [*scripts] or [
             Script(table, start, 0.5, preflight, 1e-3)
@@ -131,43 +117,17 @@ class MotorsRig:
         for drive, script, latch, allowed, by in zip(self.drives, self.scripts, latches, own, laws, strict=True):
             cycle = Cycle(by, allowed, Filters(), PERIOD / SECOND)
             cycle.begin(NOTHING_READ, cold(allowed.thermal), latch)
-            parts.append(MotorParts(drive, cycle, script))
-        writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
-        self.loop = Loop(
-            parts, writer, words, self, 0, independent=independent, encoders=encoders, neighbours=neighbours
-        )
+            parts.append(LoopMotor(drive, cycle, script))
+        about = row.description(columns, self.settings, 0, 0)
+        how = {"independent": independent, "encoders": encoders, "neighbours": neighbours}
+        super().__init__(folder, about, parts, between, quits=quits, **how)
 
-    def now(self) -> int:
-        return self.time
-
-    def sleep_until(self, deadline: int) -> None:
-        self.time = max(self.time, deadline)
-        self.reader.recorder.write(Report(int(RecorderState.OK), self.time, 0, 0, 0, 0))
-        self.block.beat(self.time)
-        self._between(self)
-        newest = self.reader.last()
-        if self.sleeps in self.asks:
-            self.block.ask(Request.ARM)
-        elif newest is not None:
-            seen = of_all(self.rows_of(newest), independent=self.independent)
-            mode = Mode(int(seen["mode"]))
-            if mode == Mode.PREFLIGHT and seen["preflight"] == 1.0:
-                self.block.ask(Request.RUN)
-            elif mode in (Mode.STOPPED, Mode.LATCHED) and self.sleeps >= self._quits:
-                self.block.quit()
-        self.sleeps += 1
-        assert self.sleeps < ROWS, "the run does not end"
+    def seen(self, row: Any) -> Mapping[str, float]:
+        return of_all(self.rows_of(row), independent=self.independent)
 
     def rows_of(self, values: Any) -> list[dict[str, float]]:
         found = []
         for name in self.names:
-            seen = together.view(self._columns, self.names, name)
+            seen = together.view(self._about.columns, self.names, name)
             found.append(dict(zip(seen.columns, values[list(seen.places)].tolist(), strict=True)))
         return found
-
-    def run(self) -> tuple[Ended, Recording]:
-        """The whole run, and its rows as the log would have them."""
-        ended = self.loop.run()
-        numbers, rows = self.reader.read()[:2]
-        damage = Damage(0, 0, 0)
-        return ended, Recording({}, None, self._columns, self._units, numbers, rows, [], damage, self.settings)

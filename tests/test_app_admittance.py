@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import jsonschema
 import pytest
 
 from bowden.app import main
@@ -17,12 +16,12 @@ from bowden.hardware.twin.suit import TwinSuit
 from bowden.live.live_run import live_run
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.geared_motor import GearedMotor
-from bowden.operations.schema import json_schema
 from bowden.plants import pushing
+from bowden.plants.pushing import behind, push_of
 from bowden.plants.suit_parts import Suit
-from bowden.plants.suit_push import behind, push_of
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
+from support.command import Command
 from support.pushed_suit import MIDDLE
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -57,10 +56,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.drawn
-def test_the_push_makes_the_reference(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["simulate", "rig.toml", "--json", "--out", "out"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    jsonschema.validate(document, json_schema("simulate"))
+def test_the_push_makes_the_reference(command: Command) -> None:
+    document = command.document("simulate rig.toml --out out")
     (run,) = document["runs"]
     assert run["interaction"]["rms_nm"] < 1.0
     assert run["interaction"]["rms_nm"] < run["interaction"]["peak_nm"]
@@ -81,10 +78,9 @@ def test_the_push_makes_the_reference(capsys: pytest.CaptureFixture[str]) -> Non
         ("virtual_mass = 1.0", "unknown key 'virtual_mass'"),
     ],
 )
-def test_what_cannot_be_rendered_is_one_line(keys: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_rendered_is_one_line(keys: str, said: str, command: Command) -> None:
     Path("rig.toml").write_text(f"{RIG}{keys}\n")
-    assert main.run(["simulate", "rig.toml", "--json"]) == 2
-    printed = capsys.readouterr()
+    printed = command("simulate rig.toml --json", code=2)
     assert printed.out == ""
     assert said in printed.err
     assert printed.err.count("\n") == 1
@@ -141,15 +137,14 @@ PUSH, ESTIMATE = (
     ],
 )
 def test_what_no_live_run_can_render_is_one_line(
-    changes: list[tuple[str, str]], options: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    changes: list[tuple[str, str]], options: list[str], said: str, command: Command
 ) -> None:
     text = RIG
     for old, new in changes:
         head, _, tail = text.rpartition(old)
         text = head + new + tail
     Path("rig.toml").write_text(text)
-    assert main.run(["run", "rig.toml", "--twin", "--auto", *options]) == 2
-    printed = capsys.readouterr().err
+    printed = command("run", "rig.toml", "--twin", "--auto", *options, code=2).err
     assert said in printed
     assert printed.count("\n") == 1
     assert not Path("out").exists()
@@ -270,16 +265,14 @@ def test_friction_leaves_a_motor_without_an_integral_about_so_far_behind() -> No
     assert plant.motor - began > 0.5 * left
 
 
-def test_no_push_without_a_suit(capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_push_without_a_suit(command: Command) -> None:
     Path("rig.toml").write_text(RIG.replace("worn = true", "worn = false"))
-    assert main.run(["simulate", "rig.toml"]) == 2
-    assert "[admittance] is enabled without a suit; expected suit.worn = true" in capsys.readouterr().err
+    assert "[admittance] is enabled without a suit; expected suit.worn = true" in command.refused("simulate rig.toml")
 
 
-def test_beyond_the_limit_runs_when_forced_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+def test_beyond_the_limit_runs_when_forced_and_says_so(command: Command) -> None:
     Path("rig.toml").write_text(f"{RIG}virtual_inertia = 0.005\n")
-    assert main.run(["simulate", "rig.toml", "--force", "--json"]) == 0
-    printed = capsys.readouterr()
+    printed = command("simulate rig.toml --force --json")
     assert json.loads(printed.out)["runs"][0]["interaction"] is not None
     assert "swings up" in printed.err
     assert "it runs because of --force" in printed.err

@@ -26,9 +26,10 @@ from bowden.app import main
 from bowden.core.errors import ParameterError
 from bowden.operations.schema import json_schema
 from bowden.records.trace import Trace
-from bowden.study import pack as study_pack
 from bowden.study import workers as campaign_workers
+from bowden.study import workers as study_pack
 from bowden.study.load import load
+from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -65,23 +66,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def campaign(*arguments: str) -> int:
-    return main.run(["campaign", "study.toml", "--out", "out", "--workers", "1", *arguments])
-
-
-def document(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
-    capsys.readouterr()
-    assert campaign("--json", *arguments) == 0, capsys.readouterr().err
-    found: dict[str, Any] = json.loads(capsys.readouterr().out)
-    jsonschema.validate(found, json_schema("campaign"))
-    return found
-
-
-def one_line(capsys: pytest.CaptureFixture[str]) -> str:
-    error = capsys.readouterr().err
-    assert error.startswith("bowden: ")
-    assert error.count("\n") == 1
-    return error
+CAMPAIGN = ("campaign", "study.toml", "--out", "out", "--workers", "1")
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +76,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     (folder / "study.toml").write_text(STUDY)
     printed = io.StringIO()
     with contextlib.chdir(folder), contextlib.redirect_stdout(printed):
-        assert campaign("--json") == 0
+        assert main.run([*CAMPAIGN, "--json"]) == 0
     return folder, printed.getvalue()
 
 
@@ -103,7 +88,7 @@ def whole(computed: tuple[Path, str], folder: Path) -> dict[str, Any]:
     return found
 
 
-def test_every_row_is_a_run_that_can_be_had_alone(whole: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_row_is_a_run_that_can_be_had_alone(whole: dict[str, Any], command: Command) -> None:
     rows = ds.dataset("out/runs").to_table().to_pylist()
     assert [row["number"] for row in rows] == list(range(32))
     assert whole["laws"][0]["runs"] == 32
@@ -112,7 +97,7 @@ def test_every_row_is_a_run_that_can_be_had_alone(whole: dict[str, Any], capsys:
     assert {row["bench.delay_cycles"] for row in rows} == {0, 1, 2, 3}
     for kind in ended:
         row = next(row for row in rows if row["fault.kind"] == kind)
-        alone = document(capsys, "--run", str(row["number"]))
+        alone = command.document(*CAMPAIGN, "--run", str(row["number"]))
         assert all(row[name] == value for name, value in alone["drawn"].items())
         (run,) = alone["runs"]
         assert run["ended"] is row["ended"]
@@ -129,26 +114,23 @@ def test_every_row_is_a_run_that_can_be_had_alone(whole: dict[str, Any], capsys:
 
 
 def test_a_study_with_more_runs_keeps_those_that_are_there(
-    whole: dict[str, Any], capsys: pytest.CaptureFixture[str], folder: Path
+    whole: dict[str, Any], command: Command, folder: Path
 ) -> None:
     before = ds.dataset("out/runs").to_table().sort_by("number").to_pylist()
     assert {row["number"] for row in before} == set(range(32))
     Path("out/runs/part-000015.parquet").unlink()  # interrupted: numbers 30 and 31 are not there
     Path("study.toml").write_text(STUDY.replace("runs = 32", "runs = 40"))
-    found = document(capsys)
+    found = command.document(*CAMPAIGN)
     assert found["chunks_kept"] == 10
     assert found["chunks_set_aside"] == 0
     rows = ds.dataset("out/runs").to_table().sort_by("number").to_pylist()
     assert [row["number"] for row in rows] == list(range(40))
     assert repr(rows[:32]) == repr(before)
-    assert campaign() == 0
-    again = capsys.readouterr()
-    assert "runs" not in again.err
+    assert "runs" not in command(*CAMPAIGN).err
     shutil.rmtree("out")
-    assert document(capsys)["rows_sha256"] == found["rows_sha256"], "as if it had had so many from the start"
+    assert command.document(*CAMPAIGN)["rows_sha256"] == found["rows_sha256"], "as if it had had so many from the start"
     Path("study.toml").write_text(STUDY)
-    assert campaign() == 2
-    assert "runs was 40 and is 32" in one_line(capsys)
+    assert "runs was 40 and is 32" in command.refused(*CAMPAIGN)
 
 
 def test_units_stand_in_the_files(whole: dict[str, Any]) -> None:
@@ -169,22 +151,17 @@ def test_the_page_has_the_commands_that_rerun_the_worst(whole: dict[str, Any]) -
         assert name in page
 
 
-def test_it_goes_on_where_it_was_and_mends_what_is_damaged(
-    whole: dict[str, Any], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_it_goes_on_where_it_was_and_mends_what_is_damaged(whole: dict[str, Any], command: Command) -> None:
     assert (whole["chunks_computed"], whole["chunks_kept"]) == (16, 0)
     Path("out/runs/part-000003.parquet").unlink()
     damaged = Path("out/runs/part-000007.parquet")
     damaged.write_bytes(damaged.read_bytes()[:-40])
-    capsys.readouterr()
-    assert campaign("--json") == 0
-    printed = capsys.readouterr()
-    again = json.loads(printed.out)
+    again, said = command.whole(*CAMPAIGN)
     assert (again["chunks_computed"], again["chunks_kept"], again["chunks_set_aside"]) == (2, 14, 1)
     assert again["rows_sha256"] == whole["rows_sha256"]
     assert again["laws"] == whole["laws"]
-    assert "part-000007.parquet" in printed.err
-    assert "set aside" in printed.err
+    assert "part-000007.parquet" in said
+    assert "set aside" in said
     assert Path("out/aside/part-000007.parquet").is_file()
 
 
@@ -199,7 +176,7 @@ def test_what_was_computed_is_kept(
     failure: BaseException,
     code: int,
     said: str,
-    capsys: pytest.CaptureFixture[str],
+    command: Command,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     written, count = pq.write_table, itertools.count()
@@ -211,35 +188,31 @@ def test_what_was_computed_is_kept(
 
     with monkeypatch.context() as patch:
         patch.setattr(pq, "write_table", failing)
-        assert campaign() == code
-    error = one_line(capsys)
+        error = command.refused(*CAMPAIGN, code=code)
     assert said in error
     assert "5 of 16 chunks are kept in out, and the same command goes on from there" in error
     assert len(list(Path("out/runs").iterdir())) == 5
-    again = document(capsys)
+    again = command.document(*CAMPAIGN)
     assert (again["chunks_computed"], again["chunks_kept"]) == (11, 5)
 
 
 @pytest.mark.parametrize("failure", [KeyboardInterrupt(), ParameterError("no cluster", do="start one")])
 def test_nothing_is_said_of_what_is_kept_where_nothing_is(
-    failure: BaseException, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    failure: BaseException, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def failing(*_: Any) -> None:
         raise failure
 
     monkeypatch.setattr(study_pack, "warm", failing)
-    assert campaign() in (2, 130)
-    assert one_line(capsys) in ("bowden: interrupted\n", "bowden: no cluster; start one\n")
+    code, said = (130, "interrupted") if isinstance(failure, KeyboardInterrupt) else (2, "no cluster; start one")
+    assert command.refused(*CAMPAIGN, code=code) == f"bowden: {said}\n"
 
 
-def test_another_study_does_not_mix_with_what_is_there(
-    whole: dict[str, Any], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_another_study_does_not_mix_with_what_is_there(whole: dict[str, Any], command: Command) -> None:
     Path("study.toml").write_text("# a comment changes nothing\n" + STUDY)
-    assert document(capsys)["chunks_computed"] == 0
+    assert command.document(*CAMPAIGN)["chunks_computed"] == 0
     Path("study.toml").write_text(STUDY.replace("[5, 60]", "[5, 50]").replace("runs = 32", "runs = 31"))
-    assert campaign() == 2
-    error = one_line(capsys)
+    error = command.refused(*CAMPAIGN)
     assert "runs was 32 and is 31" in error
     assert "draws.control.gains.feedback_gain.log_uniform was [5, 60] and is [5, 50]" in error
 
@@ -352,11 +325,10 @@ def test_an_error_that_cannot_be_packed_comes_as_its_text(monkeypatch: pytest.Mo
         ("[vary]", '"servo.damping" = 0.9\nservo.damping = 0.8\n\n[vary]', "set has 'servo.damping' twice"),
     ],
 )
-def test_what_cannot_be_is_refused(before: str, after: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_is_refused(before: str, after: str, said: str, command: Command) -> None:
     assert before in STUDY
     Path("study.toml").write_text(STUDY.replace(before, after, 1))
-    assert campaign() == 2
-    assert said in one_line(capsys)
+    assert said in command.refused(*CAMPAIGN)
     assert not Path("out").exists()
 
 
@@ -382,31 +354,29 @@ def test_a_key_without_quotation_marks_is_the_same_key() -> None:
         (["--out", ""], "--out is ''"),
     ],
 )
-def test_options_that_cannot_be(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["campaign", "study.toml", *arguments]) == 2
-    assert said in one_line(capsys)
+def test_options_that_cannot_be(arguments: list[str], said: str, command: Command) -> None:
+    assert said in command.refused("campaign", "study.toml", *arguments)
 
 
-def test_values_that_clash_in_one_run_name_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_values_that_clash_in_one_run_name_it(command: Command) -> None:
     """Each end may be alone, but not every pair of them; what is computed until then is kept."""
     text = STUDY.replace('"cable.slope" =', '"scenario.bend.low_deg" = { uniform = [100, 310] }\n"cable.slope" =')
     Path("study.toml").write_text(text)
-    assert campaign() == 2
-    error = one_line(capsys)
+    error = command.refused(*CAMPAIGN)
     assert "low_deg" in error
     assert "expected low_deg below high_deg" in error
 
 
-def test_the_cycle_may_differ_from_run_to_run(folder: Path) -> None:
+def test_the_cycle_may_differ_from_run_to_run(folder: Path, command: Command) -> None:
     """Also where it is longer than the rig's."""
     text = 'runs = 4\nduration_s = 0.5\n[vary]\n"bench.sample_time_ms" = { choice = [10.0, 20.0] }\n'
     (folder / "study.toml").write_text(text)
-    assert campaign() == 0
+    command(*CAMPAIGN)
     rows = ds.dataset("out/runs").to_table().to_pylist()
     assert all(row["cycles"] * row["bench.sample_time_ms"] == 500.0 for row in rows)
 
 
-def test_the_study_on_the_page_can_be_run(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_study_on_the_page_can_be_run(command: Command) -> None:
     page = (ROOT / "docs" / "campaign.md").read_text(encoding="utf-8")
     text = page.partition("```toml\n")[2].partition("```")[0]
     jsonschema.validate(tomllib.loads(text), json_schema("study"))

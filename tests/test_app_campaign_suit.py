@@ -1,20 +1,18 @@
 """A study of suits on wearers: its rows are runs of ``bowden simulate``, and everything that may vary does."""
 
-import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow.dataset as ds
 import pytest
 
-from bowden.app import main
 from bowden.core.errors import ParameterError
 from bowden.core.units import DEGREES
 from bowden.records.trace import Trace
 from bowden.sim.rig_runs import run_of
 from bowden.study.load import load
 from bowden.study.rows import SUIT_FIGURES, table_of
+from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -65,15 +63,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def document(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
-    capsys.readouterr()
-    assert main.run([*arguments, "--json"]) == 0, capsys.readouterr().err
-    found: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return found
-
-
-def test_a_row_is_the_run_of_bowden_simulate_to_the_last_bit(capsys: pytest.CaptureFixture[str]) -> None:
-    summary = document(capsys, "campaign", "study.toml", "--out", "out", "--workers", "1")
+def test_a_row_is_the_run_of_bowden_simulate_to_the_last_bit(command: Command) -> None:
+    summary = command.document("campaign study.toml --out out --workers 1")
     assert set(SUIT_FIGURES) <= set(summary["laws"][0]["figures"])
     rows = ds.dataset("out/runs").to_table().to_pylist()
     sound = next(row for row in rows if row["fault.kind"] == "nothing")
@@ -83,7 +74,7 @@ def test_a_row_is_the_run_of_bowden_simulate_to_the_last_bit(capsys: pytest.Capt
     Path("rig.toml").write_text(text)
     names = ("uncompensated", "adaptive")
     laws = [part for name in names for part in ("--law", name)]
-    simulated = document(capsys, "simulate", "rig.toml", *laws, "--out", "simulated", "--force")
+    simulated = command.document("simulate", "rig.toml", *laws, "--out", "simulated", "--force")
     for name, run in zip(names, simulated["runs"], strict=True):
         row = next(row for row in rows if (row["number"], row["law"]) == (sound["number"], name))
         assert [row[figure] for figure in FIGURES] == [run[figure] for figure in FIGURES]
@@ -147,10 +138,9 @@ def test_other_sheath_paths_vary_too(bend: str) -> None:
         assert case.bend(np.array([1.0]))[0] * DEGREES == pytest.approx(float(drawn.values[key]))
 
 
-def test_a_rig_that_goes_by_emg_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_rig_that_goes_by_emg_is_refused(command: Command) -> None:
     Path("study.toml").write_text(STUDY.replace('"suit.worn"', '"emg.source" = "file:biceps.csv"\n"suit.worn"'))
-    assert main.run(["campaign", "study.toml"]) == 2
-    error = capsys.readouterr().err
+    error = command("campaign study.toml", code=2).err
     assert "emg.source is 'file:biceps.csv'; expected a rig that goes by [reference]" in error
 
 
@@ -165,14 +155,11 @@ def test_a_rig_that_goes_by_emg_is_refused(capsys: pytest.CaptureFixture[str]) -
         ("", "study.toml, run 0: suit.drive_integral_per_s is 1"),
     ],
 )
-def test_a_drive_with_an_integral_is_refused_under_admittance(
-    line: str, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_drive_with_an_integral_is_refused_under_admittance(line: str, said: str, command: Command) -> None:
     text = STUDY.replace("[set]", f'[set]\n"admittance.enabled" = true\n{line}')
     varied = '[vary]\n"suit.drive_integral_per_s" = { uniform = [10, 20] }'
     Path("study.toml").write_text(text if line else text.replace("[vary]", varied))
-    assert main.run(["campaign", "study.toml", "--out", "out"]) == 2
-    error = capsys.readouterr().err
+    error = command("campaign study.toml --out out", code=2).err
     assert said in error
     assert "under [admittance], where the loop of most wearers oscillates; expected 0; " in error
     assert error.count("\n") == 1

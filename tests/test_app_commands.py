@@ -48,7 +48,7 @@ def greet(name: str, *, loud: bool = False) -> Greeted:
     return Greeted(name.upper() if loud else name)
 
 
-OPERATIONS = (Operation("greet", greet, ("bowden greet Anna",)),)
+OPERATIONS = (Operation("greet", greet),)
 '''
 VIEW = """
 def show_greet(found, call):

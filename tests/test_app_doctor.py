@@ -1,10 +1,8 @@
 """`bowden doctor`: figures of this machine that make sense, and readers of what other programs and kernels say."""
 
-import json
 import os
 from pathlib import Path
 
-import jsonschema
 import numpy as np
 import pytest
 
@@ -12,22 +10,19 @@ from bowden.app.main import run
 from bowden.core.errors import ParameterError
 from bowden.hardware.realtime import check_processor
 from bowden.live.machine import EDGES_US, figures, histogram, look
-from bowden.operations.schema import json_schema
+from support.command import Command
 
 
-def test_the_document_is_as_its_schema_and_the_process_is_left_as_it_was(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_document_is_as_its_schema_and_the_process_is_left_as_it_was(command: Command) -> None:
     policy, processors = os.sched_getscheduler(0), os.sched_getaffinity(0)
-    assert run(["doctor", "--seconds", "0.3", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    jsonschema.validate(found, json_schema("doctor"))
+    found = command.document("doctor --seconds 0.3")
     assert found["lateness"]["cycles"] == sum(bucket["cycles"] for bucket in found["histogram"]) == 300
     assert 0.0 < found["lateness"]["p50_us"] <= found["lateness"]["p99_us"] <= found["lateness"]["max_us"]
     assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == (policy, processors)
 
 
-def test_it_tells_a_person(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["doctor", "--seconds", "0.2", "--priority", "0"]) == 0
-    out = capsys.readouterr().out
+def test_it_tells_a_person(command: Command) -> None:
+    out = command("doctor --seconds 0.2 --priority 0").out
     assert "lateness of" in out
     assert "CAN" in out
 

@@ -1,26 +1,24 @@
 """`bowden emg calibrate` and `score`: documents, files, and recordings that cannot be used."""
 
-import json
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import numpy as np
 import pytest
 
 from bowden.app.main import run
 from bowden.core.errors import StreamError
 from bowden.hardware.emg.listener import Listener
-from bowden.hardware.emg.playback import Playback
+from bowden.hardware.emg.sources import Playback
 from bowden.hardware.ports import EmgChunk
 from bowden.identify.emg.levels import envelope_levels
 from bowden.identify.emg.log import read_emg
-from bowden.operations.schema import json_schema
 from bowden.sensing import wearer_file
 from bowden.sensing.envelope import DEFAULTS
 from bowden.sensing.stream import EnvelopeFilter
 from bowden.sim.emg import NOISE, background, contractions, hum
 from emg_sources import heart
+from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -49,20 +47,11 @@ def labels(path: str = "labels.csv", spans: Any = SPANS, head: str = "onset_s,of
     return Path(path)
 
 
-def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: str) -> Any:
-    assert run([*arguments, "--json"]) == 0
-    out = capsys.readouterr()
-    assert out.err == ""
-    found = json.loads(out.out)
-    jsonschema.validate(found, json_schema(schema))
-    return found
-
-
 @pytest.mark.drawn
-def test_a_recording_is_scored_in_its_own_time(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recording_is_scored_in_its_own_time(command: Command) -> None:
     recording = write("a.csv", signal(), start=100.0)
     known = labels(spans=[(on + 100.0, off + 100.0) for on, off, _ in SPANS])
-    found = document(["emg", "score", str(recording), "--labels", str(known)], capsys, "emg score")
+    found = command.document("emg", "score", recording, "--labels", known)
     assert (found["detections"], found["misses"], found["false_activations"], found["false_per_minute"]) == (2, 0, 0, 0)
     assert 0.0 < found["latency_median_s"] <= found["latency_max_s"] < 0.12
     assert [round(on) for on, _ in found["contractions_s"]] == [102, 105]
@@ -71,74 +60,68 @@ def test_a_recording_is_scored_in_its_own_time(capsys: pytest.CaptureFixture[str
     assert "Contractions in a.csv" in Path("out/emg/emg.html").read_text()
 
 
-def test_a_slow_recording_is_scored_with_a_warning_and_moves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_slow_recording_is_scored_with_a_warning_and_moves_nothing(command: Command) -> None:
     recording = write("slow.csv", signal(rate=500.0), rate=500.0)
-    found = document(["emg", "score", str(recording), "--labels", str(labels())], capsys, "emg score")
+    found = command.document("emg", "score", recording, "--labels", str(labels()))
     assert (found["detections"], found["misses"], found["false_activations"]) == (2, 0, 0)
     assert found["warnings"] == ["500 samples a second are few: below 900 an open input may pass for a contraction"]
     with pytest.raises(StreamError, match="500 samples a second; expected 900 to 5000 Hz"):
         Playback(recording).open()
 
 
-def test_without_labels_there_are_detections_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    found = document(["emg", "score", str(write("a.csv", signal()))], capsys, "emg score")
+def test_without_labels_there_are_detections_alone(command: Command) -> None:
+    found = command.document("emg", "score", str(write("a.csv", signal())))
     assert found["detections"] == 2
     assert found["misses"] is None
-    assert run(["emg", "score", "a.csv", "--shortest-ms", "100"]) == 0
-    said = capsys.readouterr().out
+    said = command("emg score a.csv --shortest-ms 100").out
     assert "plain threshold" in said
     assert "costs 100 ms of latency" in said
 
 
-def test_a_wearer_is_calibrated_and_gives_the_plain_threshold_its_mvc(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wearer_is_calibrated_and_gives_the_plain_threshold_its_mvc(command: Command) -> None:
     recording = str(write("a.csv", signal()))
     calm = str(write("rest.csv", background(1000.0, 5000, np.random.default_rng(2))))
-    found = document(["emg", "calibrate", recording, "--rest", calm], capsys, "emg calibrate")
+    found = command.document("emg", "calibrate", recording, "--rest", calm)
     wearer = wearer_file.read(Path("wearer.toml"))
     assert (wearer.rest, wearer.mvc) == (found["rest"], found["mvc"]), "the file keeps every digit, and a rig its hash"
     assert 0.3 < wearer.mvc < 0.6
     assert 0.002 < wearer.rest < 0.006
-    score = document(["emg", "score", recording, "--wearer", "wearer.toml"], capsys, "emg score")
+    score = command.document("emg", "score", recording, "--wearer", "wearer.toml")
     assert score["mvc"] == wearer.mvc
     assert run(["emg", "calibrate", recording, "--out", "b.toml"]) == 0
     assert wearer_file.read(Path("b.toml")).rest == pytest.approx(wearer.rest, rel=0.3)
 
 
-def test_a_wearer_of_another_channel_and_a_dead_electrode_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wearer_of_another_channel_and_a_dead_electrode_are_told(command: Command) -> None:
     values = signal()
     values[7000:] = values[7000]
     recording = str(write("a.csv", values))
     for channel in ("emg_mV", "triceps_mV"):
         wearer_file.write(Path("wearer.toml"), wearer_file.MuscleCalibration(0.004, 0.4, channel, "a\nb"))
-        assert run(["emg", "score", recording, "--wearer", "wearer.toml"]) == 0
-        said = capsys.readouterr()
+        said = command("emg", "score", recording, "--wearer", "wearer.toml")
         assert ("measured on 'triceps_mV', and this is 'emg_mV'" in said.err) == (channel == "triceps_mV")
         # a second without electrode, and a tenth until the step to it has faded from the movement's peak
         assert "nothing can be detected in 1.1 s" in said.out
 
 
-def test_a_wearer_in_another_unit_is_hard_to_miss(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wearer_in_another_unit_is_hard_to_miss(command: Command) -> None:
     recording = str(write("a.csv", 1e3 * signal(), head="time_s,emg_uV"))
     wearer_file.write(Path("wearer.toml"), wearer_file.MuscleCalibration(0.004, 0.358, "emg_mV", "a"))
-    assert run(["emg", "score", recording, "--wearer", "wearer.toml"]) == 0
-    said = capsys.readouterr()
+    said = command("emg", "score", recording, "--wearer", "wearer.toml")
     assert "UNITS DIFFER: wearer.toml was measured in mV, and 'emg_uV' is in uV" in said.err
     assert "UNITS DIFFER" in said.out
-    assert run(["emg", "score", str(write("b.csv", signal())), "--wearer", "wearer.toml"]) == 0
-    said = capsys.readouterr()
+    said = command("emg", "score", str(write("b.csv", signal())), "--wearer", "wearer.toml")
     assert "plain threshold: 0.0716 mV = 20 % of MVC 0.358 mV, from wearer.toml" in said.out
     assert "UNITS" not in said.out + said.err
 
 
-def test_contractions_in_a_recording_of_rest_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_contractions_in_a_recording_of_rest_are_told(command: Command) -> None:
     recording = str(write("a.csv", signal()))
-    assert run(["emg", "calibrate", recording, "--rest", recording]) == 0
-    said = capsys.readouterr().err
+    said = command("emg", "calibrate", recording, "--rest", recording).err
     assert "REST HAS CONTRACTIONS: a.csv from 2." in said
     assert " to 3." in said
     calm = str(write("rest.csv", background(1000.0, 5000, np.random.default_rng(2))))
-    assert run(["emg", "calibrate", recording, "--rest", calm]) == 0
-    assert "CONTRACTIONS" not in capsys.readouterr().err
+    assert "CONTRACTIONS" not in command("emg", "calibrate", recording, "--rest", calm).err
 
 
 @pytest.mark.parametrize("hum", [0.0, pytest.param(0.1, marks=pytest.mark.long)])
@@ -171,24 +154,22 @@ def artefact(name: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["step", "swing", "click", "dead", "click in a contraction", "step in a contraction"])
-def test_what_no_muscle_makes_is_neither_rest_nor_maximum(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_no_muscle_makes_is_neither_rest_nor_maximum(name: str, command: Command) -> None:
     clean = np.concatenate([background(1000.0, 3000, np.random.default_rng(4)), signal()])
-    truth = document(["emg", "calibrate", str(write("clean.csv", clean))], capsys, "emg calibrate")
+    truth = command.document("emg", "calibrate", str(write("clean.csv", clean)))
     assert truth["left_out_s"] < 1.5, "a contraction that breaks off leaves a tail"
-    found = document(["emg", "calibrate", str(write("a.csv", artefact(name)))], capsys, "emg calibrate")
+    found = command.document("emg", "calibrate", str(write("a.csv", artefact(name))))
     assert found["mvc"] == pytest.approx(truth["mvc"], rel=0.2)
     assert found["rest"] == pytest.approx(truth["rest"], rel=0.25)
     assert truth["left_out_s"] - 0.2 < found["left_out_s"] < 5.0, "of a swing or a step the envelope is free"
-    assert run(["emg", "calibrate", "a.csv"]) == 0
-    said = capsys.readouterr().err
+    said = command("emg calibrate a.csv").err
     assert found["left_out_s"] < 0.05 or f"note: a.csv: {found['left_out_s']:.1f} s of dead electrode" in said
 
 
-def test_a_calibration_with_too_little_left_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_calibration_with_too_little_left_is_one_line(command: Command) -> None:
     dead = signal()
     dead[600:] = np.where(np.arange(7400) % 400 < 200, 0.0, dead[600:])
-    assert run(["emg", "calibrate", str(write("a.csv", dead))]) == 2
-    said = capsys.readouterr().err
+    said = command("emg", "calibrate", str(write("a.csv", dead)), code=2).err
     assert "of 8.0 s are free of dead electrodes, movement, mains and clicks; expected at least 1 s" in said
     assert not Path("wearer.toml").exists()
 
@@ -200,25 +181,34 @@ def test_nothing_of_a_real_maximum_is_left_out(name: str, shared_data: Path) -> 
     assert envelope_levels(log.values, log.rate).high == pytest.approx(largest, rel=1e-3)
 
 
-def test_of_several_channels_one_is_chosen(capsys: pytest.CaptureFixture[str]) -> None:
+def test_of_several_channels_one_is_chosen(command: Command) -> None:
     head = "time_s,biceps_mV,triceps_mV"
     recording = str(write("two.csv", [signal(), background(1000.0, 8000, np.random.default_rng(3))], head=head))
-    assert document(["emg", "score", recording], capsys, "emg score")["channel"] == "biceps_mV"
-    other = document(["emg", "score", recording, "--channel", "triceps_mV"], capsys, "emg score")
+    assert command.document("emg", "score", recording)["channel"] == "biceps_mV"
+    other = command.document("emg", "score", recording, "--channel", "triceps_mV")
     assert (other["channel"], other["detections"]) == ("triceps_mV", 0)
-    assert run(["emg", "score", recording, "--channel", "deltoid"]) == 2
-    assert "no channel 'deltoid' among 'biceps_mV', 'triceps_mV'" in capsys.readouterr().err
+    assert "no channel 'deltoid' among 'biceps_mV', 'triceps_mV'" in command.refused(
+        "emg", "score", recording, "--channel", "deltoid"
+    )
 
 
-def test_rest_is_of_the_channel_of_the_contraction(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_column_of_text_is_no_channel() -> None:
+    """As Noraxon writes them: three lines above the names, marks of activities beside the channel."""
+    rows = "".join(f'{k / 1000:.3f},"{"Begin" * (k == 0)}",{value:.4f}\n' for k, value in enumerate(signal()))
+    Path("marked.csv").write_text('"record","0.0","1000"\n\n"time","Activity","BICEPS (uV)"\n' + rows)
+    assert read_emg(Path("marked.csv")).channel == "BICEPS (uV)"
+
+
+def test_rest_is_of_the_channel_of_the_contraction(command: Command) -> None:
     quiet, loud = background(1000.0, 8000, np.random.default_rng(3)), signal()
     write("mvc.csv", [loud, quiet], head="time_s,biceps_mV,triceps_mV")
     write("rest.csv", [0.1 * loud + 0.5 * np.sin(np.arange(8000)), quiet], head="time_s,triceps_mV,biceps_mV")
     assert run(["emg", "calibrate", "mvc.csv", "--rest", "rest.csv"]) == 0
     assert wearer_file.read(Path("wearer.toml")).rest < 0.006
     write("rest.csv", quiet, head="time_s,triceps_mV")
-    assert run(["emg", "calibrate", "mvc.csv", "--rest", "rest.csv", "--out", "b.toml"]) == 2
-    assert "rest.csv: no channel 'biceps_mV' among 'triceps_mV'" in capsys.readouterr().err
+    assert "rest.csv: no channel 'biceps_mV' among 'triceps_mV'" in command.refused(
+        "emg calibrate mvc.csv --rest rest.csv --out b.toml"
+    )
     assert not Path("b.toml").exists()
 
 
@@ -252,25 +242,19 @@ def bad(name: str) -> Path:
         ("slow", "100 samples a second; expected 400 to 5000 Hz"),
     ],
 )
-@pytest.mark.parametrize("command", ["score", "calibrate"])
-def test_what_cannot_be_used_is_one_line(
-    name: str, said: str, command: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["emg", command, str(bad(name))]) == 2
-    captured = capsys.readouterr()
-    assert said in captured.err
-    assert len(captured.err.strip().splitlines()) == 1
+@pytest.mark.parametrize("word", ["score", "calibrate"])
+def test_what_cannot_be_used_is_one_line(name: str, said: str, word: str, command: Command) -> None:
+    assert said in command.refused("emg", word, bad(name))
     assert not Path("out").exists()
     assert not Path("wearer.toml").exists()
 
 
-def test_hum_of_a_wearers_mains_is_taken_out_of_their_envelope(capsys: pytest.CaptureFixture[str]) -> None:
+def test_hum_of_a_wearers_mains_is_taken_out_of_their_envelope(command: Command) -> None:
     """60 Hz of some ten times rest's noise; the wearer's file has it, and the live envelope goes by it."""
     hum = 0.05 * np.sin(2.0 * np.pi * 60.0 * np.arange(8000) / 1000.0)
     recording = str(write("hum.csv", signal() + hum))
-    assert run(["emg", "calibrate", recording]) == 2
-    assert "and --mains" in capsys.readouterr().err
-    document(["emg", "calibrate", recording, "--mains", "60", "--out", "60.toml"], capsys, "emg calibrate")
+    assert "and --mains" in command.refused("emg", "calibrate", recording)
+    command.document("emg", "calibrate", recording, "--mains", "60", "--out", "60.toml")
     found = wearer_file.read(Path("60.toml"))
     assert found.mains == 60.0
     times = np.arange(1500) / 1000.0
@@ -280,22 +264,22 @@ def test_hum_of_a_wearers_mains_is_taken_out_of_their_envelope(capsys: pytest.Ca
     ]
     assert abs(share[0]) < 0.02
     assert share[1] > 0.05
-    assert run(["emg", "calibrate", recording, "--mains", "55"]) == 2
-    assert "--mains is 55; expected 50, 60, or 0 for none" in capsys.readouterr().err
+    assert "--mains is 55; expected 50, 60, or 0 for none" in command.refused(
+        "emg", "calibrate", recording, "--mains", "55"
+    )
     text = Path("60.toml").read_text()
     Path("60.toml").write_text(text.replace("mains_hz = 60", "mains_hz = 16"))
-    assert run(["emg", "score", recording, "--wearer", "60.toml"]) == 2
-    assert "mains_hz is 16" in capsys.readouterr().err
+    assert "mains_hz is 16" in command.refused("emg", "score", recording, "--wearer", "60.toml")
 
 
-def test_a_maximum_below_rest_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_maximum_below_rest_is_refused(command: Command) -> None:
     calm = str(write("rest.csv", background(1000.0, 5000, np.random.default_rng(2))))
-    assert run(["emg", "calibrate", calm]) == 2
-    assert "no contraction: the envelope is" in capsys.readouterr().err
+    assert "no contraction: the envelope is" in command.refused("emg", "calibrate", calm)
     assert not Path("wearer.toml").exists()
     Path("wearer.toml").write_text('[emg]\nchannel = "a"\nrest = 0.5\nmvc = 0.2\nsource = "b"\n')
-    assert run(["emg", "score", str(write("a.csv", signal())), "--wearer", "wearer.toml"]) == 2
-    assert "expected at least 1.5 times as much" in capsys.readouterr().err
+    assert "expected at least 1.5 times as much" in command.refused(
+        "emg", "score", str(write("a.csv", signal())), "--wearer", "wearer.toml"
+    )
 
 
 @pytest.mark.parametrize(
@@ -310,23 +294,20 @@ def test_a_maximum_below_rest_is_refused(capsys: pytest.CaptureFixture[str]) -> 
         ("[emg]\nrest = nan\nmvc = 1\nchannel = 'a'\nsource = 'b'", "expected numbers above 0"),
     ],
 )
-def test_a_wearer_that_cannot_be_is_one_line(text: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wearer_that_cannot_be_is_one_line(text: str, said: str, command: Command) -> None:
     Path("w.toml").write_text(text)
-    assert run(["emg", "score", str(write("a.csv", signal())), "--wearer", "w.toml"]) == 2
-    assert said in capsys.readouterr().err
+    assert said in command.refused("emg", "score", str(write("a.csv", signal())), "--wearer", "w.toml")
 
 
 @pytest.mark.parametrize("head", ["onset_s,offset_s", "onset,offset", "start_s,end_s", "Start [s],End [s]"])
 @pytest.mark.parametrize("unit", ["s", "ms"])
-def test_labels_have_the_names_and_units_that_they_come_with(
-    head: str, unit: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_labels_have_the_names_and_units_that_they_come_with(head: str, unit: str, command: Command) -> None:
     scale = 1.0
     if unit == "ms":
         named = "_s" in head or "[s]" in head
         head, scale = head.replace("_s", "_ms").replace("[s]", "[ms]"), 1e3 if named else 1.0
     known = str(labels(spans=[(scale * on, scale * off) for on, off, _ in SPANS], head=head))
-    found = document(["emg", "score", str(write("a.csv", signal())), "--labels", known], capsys, "emg score")
+    found = command.document("emg", "score", str(write("a.csv", signal())), "--labels", known)
     assert (found["misses"], found["false_activations"]) == (0, 0)
     assert 0.0 < found["latency_median_s"] < 0.12
 
@@ -358,12 +339,9 @@ def test_bytes_that_are_no_table_are_one_line_that_can_be_printed(capsys: pytest
         ([(2.0, 30.0)], "onset_s,offset_s", "the recording lasts from 0 to 8 s"),
     ],
 )
-def test_labels_that_cannot_be_are_one_line(
-    spans: Any, head: str, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_labels_that_cannot_be_are_one_line(spans: Any, head: str, said: str, command: Command) -> None:
     known = labels(spans=spans, head=head)
-    assert run(["emg", "score", str(write("a.csv", signal())), "--labels", str(known)]) == 2
-    assert said in capsys.readouterr().err
+    assert said in command.refused("emg", "score", str(write("a.csv", signal())), "--labels", known)
     assert run(["emg", "score", "a.csv", "--shortest-ms", "-1"]) == 2
     assert run(["emg", "score", "nowhere.csv"]) == 2
 
@@ -371,7 +349,7 @@ def test_labels_that_cannot_be_are_one_line(
 @pytest.mark.parametrize(
     "name", ["weak", "short rest", "no rest at first", "heart", "drift", "hum", "lifted", "500 Hz"]
 )
-def test_a_recording_that_a_person_would_use_is_calibrated(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recording_that_a_person_would_use_is_calibrated(name: str, command: Command) -> None:
     """One contraction of ten times rest, or as named: what is beside it is no reason to refuse it."""
     rate, random = 500.0 if name == "500 Hz" else 1000.0, np.random.default_rng(11)
     count, size, first, last = round(8.0 * rate), 10.0 * NOISE, 3.0, 6.0
@@ -390,7 +368,7 @@ def test_a_recording_that_a_person_would_use_is_calibrated(name: str, capsys: py
         values += 5.0 * NOISE * hum(rate, count, 50.0, 0.2, random)
     elif name == "lifted":
         values[(time > 7.0) & (time < 7.5)] = 100.0 * NOISE
-    found = document(["emg", "calibrate", str(write("a.csv", values, rate=rate))], capsys, "emg calibrate")
+    found = command.document("emg", "calibrate", str(write("a.csv", values, rate=rate)))
     rest = float(np.mean(np.abs(calm)))
     assert 0.5 * rest < found["rest"] < (3.0 if name == "hum" else 1.5) * rest
     assert 0.7 * size < found["mvc"] < 2.0 * size

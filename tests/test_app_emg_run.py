@@ -1,6 +1,5 @@
 """`bowden run` by EMG: what is refused before anything is started, and what its figures are."""
 
-import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,6 +18,7 @@ from bowden.live.summary import emg_figures
 from bowden.rig.rig import Rig
 from bowden.sensing.course import CourseSettings
 from bowden.sensing.stream import EnvelopeFilter
+from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -124,20 +124,16 @@ def test_what_cannot_be_is_one_line(tmp_path: Path, keys: str, said: str) -> Non
 
 
 @pytest.mark.parametrize("source", ["foo", "lsl:", "file:", "usb:1", "trigno:host:port"])
-def test_what_is_no_source_is_one_line_for_every_command(
-    source: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_no_source_is_one_line_for_every_command(source: str, tmp_path: Path, command: Command) -> None:
     path = rig(tmp_path, f"source = '{source}'")
-    for command in ("simulate", "check"):
-        assert run([command, str(path)]) == 2
-        assert f"{source!r} is not a source of EMG; expected lsl:NAME" in capsys.readouterr().err
+    for name in ("simulate", "check"):
+        assert f"{source!r} is not a source of EMG; expected lsl:NAME" in command.refused(name, path)
     assert f"{source!r} is not a source of EMG" in refused(tmp_path, "", source)
 
 
-def test_the_suits_rig_that_init_writes_can_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_suits_rig_that_init_writes_can_run(tmp_path: Path, command: Command) -> None:
     path = tmp_path / "suit.toml"
-    assert run(["init", str(path), "--suit"]) == 0
-    assert f"bowden run {path} --twin" in capsys.readouterr().out
+    assert f"bowden run {path} --twin" in command("init", path, "--suit").out
     live = live_of(path, "lsl:EMG")
     require(live.limits, live.rig.sample_time, "little_margin")
     assert live.rig.worn is not None
@@ -186,15 +182,13 @@ def test_a_recording_is_found_from_the_rig_and_simulated_as_it_would_run(tmp_pat
 
 
 def test_a_simulation_is_moved_by_a_recording_in_place_of_the_rigs_reference(
-    tmp_path: Path, recording: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, recording: Path, command: Command
 ) -> None:
     bench, source = tmp_path / "bench.toml", f"file:{recording}"
     bench.write_text("[scenario]\nduration_s = 2.0\n")
-    assert run(["simulate", str(bench), "--emg", source, "--out", str(tmp_path / "out"), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = command.document("simulate", bench, "--emg", source, "--out", tmp_path / "out")
     assert found["rig"] == Rig.read(bench).with_emg(source).hash != Rig.read(bench).hash
-    assert run(["simulate", str(bench), "--emg", str(recording)]) == 2
-    assert f"write file:{recording}" in capsys.readouterr().err
+    assert f"write file:{recording}" in command.refused("simulate", bench, "--emg", recording)
 
 
 def test_a_simulated_joint_follows_no_envelope_while_either_electrode_is_in_trouble(tmp_path: Path) -> None:

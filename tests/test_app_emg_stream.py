@@ -16,16 +16,15 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bowden.app.main import run
 from bowden.core.clock import SECOND
 from bowden.core.errors import LogError, StreamError
-from bowden.hardware.emg.listen import listen
 from bowden.hardware.emg.lsl_outlet import LslOutlet, replay
-from bowden.hardware.emg.sources import open_source
+from bowden.hardware.emg.sources import listen, open_source
 from bowden.hardware.ports import EmgChunk
 from bowden.operations.schema import json_schema
 from bowden.sensing import wearer_file
 from bowden.sim.emg import background, contractions
+from support.command import Command
 
 RATE = 1000.0
 NAME = f"app-{os.getpid()}"
@@ -93,12 +92,11 @@ def test_a_recording_is_played_as_a_stream_and_again_and_ends_at_ctrl_c(lsl: Any
     assert np.array_equal(found.values, twice[: len(found.values)])
 
 
-def test_a_stream_that_is_there_already_is_not_made_again(lsl: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_stream_that_is_there_already_is_not_made_again(lsl: Any, command: Command) -> None:
     recording(seconds=2.5)
     outlets = [LslOutlet(NAME, RATE, ["a"], "mV", f"bowden-{NAME}") for _ in range(2)]
     words = ["emg", "stream", "a.csv", "--name", NAME, "--speed", "100"]
-    assert run(words) == 2
-    said = capsys.readouterr().err
+    said = command(*words, code=2).err
     assert f"there is an LSL stream '{NAME}' with the source id 'bowden-{NAME}' already" in said
     assert "end it, or choose another --name or --source-id" in said
     for source in (f"lsl:{NAME}", f"lsl:{NAME}#bowden-{NAME}"):
@@ -119,23 +117,23 @@ def test_speed_is_declared_and_one_channel_may_be_chosen(lsl: Any) -> None:
     assert np.array_equal(found.values[:, 0], values[:, 1])
 
 
-def test_a_recording_is_served_as_a_base_station(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recording_is_served_as_a_base_station(command: Command) -> None:
     values = recording()
     with playing("emg serve", "serve", "a.csv", "--port", "0", "--emg-port", "0") as (document, process):
         found = received(document["source"], 1000)
-        assert run(["emg", "serve", "a.csv", "--port", document["source"].split(":")[2]]) == 2
-        assert "cannot listen at 127.0.0.1" in capsys.readouterr().err
+        assert "cannot listen at 127.0.0.1" in command.refused(
+            "emg", "serve", "a.csv", "--port", document["source"].split(":")[2]
+        )
         process.send_signal(signal.SIGINT)
         assert process.wait(10) == 0
     assert found.values == pytest.approx(values[: len(found.values)], rel=1e-6)
 
 
-def test_a_wearer_is_calibrated_from_a_stream_and_told_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wearer_is_calibrated_from_a_stream_and_told_what_to_do(command: Command) -> None:
     """A second to make ready, two of rest, a second, two of contraction: the recording contracts from 3.6 s on."""
     recording()
     words = ["emg", "calibrate", "--source", "file:a.csv", "--seconds", "2", "--out", "b.toml", "--json"]
-    assert run(words) == 0
-    said = capsys.readouterr()
+    said = command(*words)
     document = json.loads(said.out)
     jsonschema.validate(document, json_schema("emg calibrate"))
     wearer = wearer_file.read(Path("b.toml"))
@@ -201,7 +199,7 @@ def test_what_cannot_be_calibrated_from_is_one_line(values: np.ndarray, error: t
         (["serve", "a.csv", "--port", "70000"], "--port is 70000; expected a number from 0 to 65535"),
     ],
 )
-def test_what_makes_no_sense_is_one_line(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_makes_no_sense_is_one_line(words: list[str], said: str, command: Command) -> None:
     recording(seconds=3.0)
     recording("bare.csv", 3.0, times=False)
     lines = Path("a.csv").read_text().splitlines()
@@ -209,30 +207,26 @@ def test_what_makes_no_sense_is_one_line(words: list[str], said: str, capsys: py
     Path("huge.csv").write_text("\n".join([*lines[:2], *huge]))
     lines[2001] = lines[2001].rpartition(",")[0] + ",nan"
     Path("nan.csv").write_text("\n".join(lines))
-    assert run(["emg", *words]) == 2
-    captured = capsys.readouterr()
+    captured = command("emg", *words, code=2)
     assert said in captured.err
     assert len(captured.err.strip().splitlines()) == 1
     assert not Path("wearer.toml").exists()
 
 
-def test_a_recording_without_times_has_a_declared_rate(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recording_without_times_has_a_declared_rate(command: Command) -> None:
     recording("bare.csv", 6.0, times=False)
-    assert run(["emg", "score", "bare.csv", "--rate", "1000", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = command.document("emg score bare.csv --rate 1000")
     assert (found["rate_hz"], found["detections"]) == (1000.0, 1)
     assert found["contractions_s"][0][0] == pytest.approx(3.65, abs=0.1)
 
 
-def test_the_doctor_lists_streams_and_what_is_wrong_with_them(lsl: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_doctor_lists_streams_and_what_is_wrong_with_them(lsl: Any, command: Command) -> None:
     outlets = [
         LslOutlet(NAME, RATE, ["a", "b"], "mV", "one"),
         LslOutlet(NAME, RATE, ["a"], "mV", "two"),
         LslOutlet(f"slow-{NAME}", 10.0, ["a"], "mV", "three"),
     ]
-    assert run(["doctor", "--seconds", "0.2", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    jsonschema.validate(found, json_schema("doctor"))
+    found = command.document("doctor --seconds 0.2")
     ours = {one["source_id"]: one for one in found["emg"]["streams"] if NAME in one["name"]}
     assert (ours["one"]["channels"], ours["one"]["rate_hz"], ours["one"]["problem"]) == (2, 1000.0, "")
     assert "10 samples a second; expected 900 to 5000 Hz" in ours["three"]["problem"]

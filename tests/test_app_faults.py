@@ -1,7 +1,6 @@
 """What goes wrong while a command runs: nothing half-written stays, and it is said in one line."""
 
 import errno
-import json
 import os
 import resource
 import signal
@@ -21,6 +20,7 @@ from bowden.core.files import whole_file, whole_files
 from bowden.design import trial  # noqa: F401  # takes the loop by name, before a test puts another in its place
 from bowden.records.trace import Trace
 from bowden.sim import rig_runs
+from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -50,15 +50,6 @@ def small_files() -> Iterator[None]:
 def tree() -> dict[str, bytes | None]:
     """Everything below the current folder, with the contents of files."""
     return {str(path): path.read_bytes() if path.is_file() else None for path in sorted(Path().rglob("*"))}
-
-
-def one_line(capsys: pytest.CaptureFixture[str], *, figures: bool = False) -> str:
-    """The message; `figures` are those of a result, which are told before its files are written."""
-    printed = capsys.readouterr()
-    assert (printed.out != "") is figures
-    assert printed.err.startswith("bowden: ")
-    assert printed.err.count("\n") == 1
-    return printed.err.replace("\\", "/")
 
 
 def write_log(name: str) -> None:
@@ -112,31 +103,26 @@ def test_a_file_that_is_called_like_a_temporary_one_is_left_alone(folder: Path) 
 
 @pytest.mark.drawn
 @pytest.mark.usefixtures("small_files")
-def test_a_disk_that_fills_up_leaves_nothing_of_a_simulation(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_disk_that_fills_up_leaves_nothing_of_a_simulation(command: Command) -> None:
     for there in (False, True):
         if there:
             Path("deep/er").mkdir(parents=True)
             Path("deep/er/observer.npz").write_text("from before")
         before = tree()
-        capsys.readouterr()
-        assert run([*TWO_LAWS, "--duration", "0.2", "--out", "deep/er", "--json"]) == 2
         said = "cannot write deep/er/simulate.html: File too large; choose another place or make room there"
-        assert one_line(capsys) == f"bowden: {said}\n"
+        refused = command.refused(*TWO_LAWS, "--duration", "0.2", "--out", "deep/er", "--json")
+        assert refused == f"bowden: {said}\n"
         assert tree() == before
 
 
-def test_a_disk_that_is_full_leaves_nothing_of_a_simulation(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_disk_that_is_full_leaves_nothing_of_a_simulation(monkeypatch: pytest.MonkeyPatch, command: Command) -> None:
     def no_room(*_: Any, **__: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("csv.writer", no_room)  # the NPZ file before it fits
     before = tree()
-    assert run(["simulate", "rig.toml", "--csv", "--out", "deep/er"]) == 2
-    assert "cannot write deep/er/adaptive.csv: No space left on device; choose another place" in one_line(
-        capsys, figures=True
-    )
+    said = command.refused("simulate rig.toml --csv --out deep/er", figures=True)
+    assert "cannot write deep/er/adaptive.csv: No space left on device; choose another place" in said
     assert tree() == before
 
 
@@ -149,21 +135,16 @@ def test_a_disk_that_is_full_leaves_nothing_of_a_simulation(
         (["reproduce", "--only", "fig4"], "reproduce.html"),
     ],
 )
-def test_a_folder_where_a_file_should_go_is_left_alone(
-    capsys: pytest.CaptureFixture[str], arguments: list[str], name: str
-) -> None:
+def test_a_folder_where_a_file_should_go_is_left_alone(command: Command, arguments: list[str], name: str) -> None:
     write_log("log.csv")
     Path("o", name, "mine").mkdir(parents=True)
     before = tree()
-    assert run([*arguments, "--out", "o"]) == 2
-    said = one_line(capsys, figures=True)
+    said = command.refused(*arguments, "--out", "o", figures=True)
     assert said == f"bowden: cannot write o/{name}: it is a folder; remove it or choose another place\n"
     assert tree() == before
 
 
-@pytest.mark.parametrize(
-    "command", [["simulate", "rig.toml"], ["identify", "log.csv"], ["reproduce", "--only", "fig4"]]
-)
+@pytest.mark.parametrize("words", [["simulate", "rig.toml"], ["identify", "log.csv"], ["reproduce", "--only", "fig4"]])
 @pytest.mark.parametrize(
     ("out", "said"),
     [
@@ -173,36 +154,32 @@ def test_a_folder_where_a_file_should_go_is_left_alone(
         ("a\0b", "expected the name of a folder"),
     ],
 )
-def test_an_out_that_is_no_folders_name(
-    capsys: pytest.CaptureFixture[str], command: list[str], out: str, said: str
-) -> None:
+def test_an_out_that_is_no_folders_name(command: Command, words: list[str], out: str, said: str) -> None:
     write_log("log.csv")
     before = tree()
-    assert run([*command, "--out", out]) == 2
-    assert said in one_line(capsys)
+    assert said in command.refused(*words, "--out", out)
     assert tree() == before
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "x" * 300 + ".toml"])
-def test_init_to_a_name_that_is_too_long(capsys: pytest.CaptureFixture[str], name: str) -> None:
-    assert run(["init", name]) == 2
-    assert "File name too long; choose another name" in one_line(capsys)
+def test_init_to_a_name_that_is_too_long(command: Command, name: str) -> None:
+    assert "File name too long; choose another name" in command.refused("init", name)
 
 
 def test_a_failure_of_the_system_that_nobody_foresaw_is_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, command: Command
 ) -> None:
     def gone(*_: Any, **__: Any) -> None:
         raise OSError(errno.EIO, "Input/output error", "disk")
 
     monkeypatch.setattr(rig_runs, "simulate", gone)
-    assert run(["simulate", "rig.toml"]) == 2
-    assert one_line(capsys) == "bowden: Input/output error (disk); check the paths and the room on their disk\n"
+    said = "bowden: Input/output error (disk); check the paths and the room on their disk\n"
+    assert command.refused("simulate rig.toml") == said
 
 
 @pytest.mark.parametrize("done", [0, 1, 2])
 def test_an_interrupted_simulation_keeps_the_laws_that_are_done(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], done: int
+    monkeypatch: pytest.MonkeyPatch, command: Command, done: int
 ) -> None:
     simulate, calls = rig_runs.simulate, []
 
@@ -214,13 +191,13 @@ def test_an_interrupted_simulation_keeps_the_laws_that_are_done(
 
     monkeypatch.setattr(rig_runs, "simulate", interrupted_later)
     before = tree()
-    assert run([*TWO_LAWS, "--law", "adaptive", "--out", "o"]) == 130
+    said = command.refused(*TWO_LAWS, "--law", "adaptive", "--out", "o", code=130)
     if done == 0:
-        assert one_line(capsys) == "bowden: interrupted\n"
+        assert said == "bowden: interrupted\n"
         assert tree() == before
         return
     laws = ["uncompensated", "observer"][:done]
-    assert one_line(capsys) == f"bowden: interrupted; {', '.join(laws)} (of 3 laws) done and written to o\n"
+    assert said == f"bowden: interrupted; {', '.join(laws)} (of 3 laws) done and written to o\n"
     assert {path.name for path in Path("o").iterdir()} == {"simulate.html", *(f"{law}.npz" for law in laws)}
     assert len(Trace.read("o/uncompensated.npz")) == 1000
 
@@ -242,12 +219,11 @@ def test_an_interruption_from_the_keyboard_leaves_nothing_half_written(arguments
     assert Path("deep").exists() == (b"written" in err)
 
 
-def test_an_own_law_runs_and_what_it_prints_stays_out_of_the_document(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_own_law_runs_and_what_it_prints_stays_out_of_the_document(command: Command) -> None:
     Path("law.py").write_text("print('hello')\n" + LAW)
-    assert run(["simulate", "rig.toml", "--law", "law.py", "--csv", "--json", "--out", "o"]) == 0
-    printed = capsys.readouterr()
-    (figures,) = json.loads(printed.out)["runs"]
-    assert printed.err == "hello\n"
+    found, said = command.whole("simulate rig.toml --law law.py --csv --out o")
+    (figures,) = found["runs"]
+    assert said == "hello\n"
     binary, text = Trace.read("o/law.npz"), Trace.read("o/law.csv")
     assert figures["rmse_deg"] == binary.metrics().rmse_deg == text.metrics().rmse_deg
     assert (binary.units, binary.settings, binary.seed) == (text.units, text.settings, text.seed)
@@ -266,28 +242,22 @@ RETURN = "return State(integral), command"
         (LAW, "\0", "null bytes"),
     ],
 )
-def test_an_own_law_that_is_wrong_is_one_line(
-    capsys: pytest.CaptureFixture[str], old: str, new: str, said: str
-) -> None:
+def test_an_own_law_that_is_wrong_is_one_line(command: Command, old: str, new: str, said: str) -> None:
     source = LAW.replace(old, new)
     assert source != LAW
     Path("law.py").write_text(source)
     before = tree()
-    assert run(["simulate", "rig.toml", "--law", "law.py"]) == 2
-    printed = one_line(capsys)
+    printed = command.refused("simulate rig.toml --law law.py")
     assert said in printed
     assert "law.py" in printed
     assert tree() == before
 
 
-def test_an_own_law_that_runs_away_later_is_an_unstable_run(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_own_law_that_runs_away_later_is_an_unstable_run(command: Command) -> None:
     Path("law.py").write_text(LAW.replace(RETURN, "return State(integral + 2.0), command + 1e-2 * integral * integral"))
-    assert run(["simulate", "rig.toml", "--law", "law.py"]) == 2
-    assert "law fails the check on rig.toml: the linear loop is stable, but in the trial it runs away" in one_line(
-        capsys
-    )
-    assert run(["simulate", "rig.toml", "--law", "law.py", "--force", "--json"]) == 0
-    (figures,) = json.loads(capsys.readouterr().out)["runs"]
+    said = command.refused("simulate rig.toml --law law.py")
+    assert "law fails the check on rig.toml: the linear loop is stable, but in the trial it runs away" in said
+    (figures,) = command.document("simulate rig.toml --law law.py --force")["runs"]
     assert figures["stable"] is False
     assert figures["rmse_deg"] is None
 
@@ -305,8 +275,7 @@ def test_an_own_law_that_runs_away_later_is_an_unstable_run(capsys: pytest.Captu
         (["--law", "x" * 300 + ".py"], "file name too long; expected a Python file; check the path"),
     ],
 )
-def test_an_option_that_makes_no_sense(capsys: pytest.CaptureFixture[str], arguments: list[str], said: str) -> None:
+def test_an_option_that_makes_no_sense(command: Command, arguments: list[str], said: str) -> None:
     before = tree()
-    assert run(["simulate", "rig.toml", *arguments]) == 2
-    assert said in one_line(capsys)
+    assert said in command.refused("simulate", "rig.toml", *arguments)
     assert tree() == before

@@ -10,6 +10,7 @@ import pytest
 
 from bowden.app import interrupts, main
 from bowden.design.processes import starting
+from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -54,7 +55,7 @@ def test_none_is_lost_where_the_next_comes_at_once(monkeypatch: pytest.MonkeyPat
 
 
 def test_what_fails_by_one_that_was_ignored_is_an_interruption(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: Command
 ) -> None:
     def command(*arguments: object, **options: object) -> int:
         ignored()

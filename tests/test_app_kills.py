@@ -1,4 +1,4 @@
-"""Samples of `make soak`: what is killed leaves no torque and loses nothing; no stop is lost in a burst of keys."""
+"""What is killed leaves no torque and loses nothing, a sample of `make soak`; no stop is lost in a burst of keys."""
 
 import sys
 from pathlib import Path
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from live_runs import tries
+from support.key_bursts import bursts
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 pytestmark = pytest.mark.live
@@ -33,10 +34,7 @@ def test_what_is_killed_leaves_no_torque_and_nothing_else(
     assert found["lost"] <= process_kills.MOST_LOST
 
 
-def test_no_stop_is_lost_in_a_burst_of_keys(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "path", [str(BENCHMARKS), *sys.path])
-    import key_bursts
-
-    found = list(key_bursts.bursts(range(10), led=5))
+def test_no_stop_is_lost_in_a_burst_of_keys(tmp_path: Path) -> None:
+    found = list(bursts(tmp_path, 10, in_law=5))
     assert len(found) == 10
     assert [keys for keys, taken in found if not taken] == []

@@ -16,6 +16,7 @@ from bowden.design import rig_of_bench
 from bowden.operations.schema import json_schema
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
+from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -38,11 +39,10 @@ def check(document: str, schema: str) -> Any:
 
 
 @pytest.mark.drawn
-def test_simulate_prints_one_document_and_writes_what_it_names(capsys: pytest.CaptureFixture[str]) -> None:
+def test_simulate_prints_one_document_and_writes_what_it_names(command: Command) -> None:
     names = ("uncompensated", "observer", "adaptive")
     laws = [part for name in names for part in ("--law", name)]
-    assert main.run(["simulate", "rig.toml", *laws, "--csv", "--json", "--out", "deep/er"]) == 0
-    document = check(capsys.readouterr().out, "simulate")
+    document = command.document("simulate", "rig.toml", *laws, "--csv", "--out", "deep/er")
     assert [run["law"] for run in document["runs"]] == list(names)
     assert [run["check"] for run in document["runs"]] == ["holds", "little_margin", "holds"]
     assert document["runs"][0]["rmse_deg"] > 3.0 * document["runs"][2]["rmse_deg"]
@@ -56,9 +56,8 @@ def test_simulate_prints_one_document_and_writes_what_it_names(capsys: pytest.Ca
     assert "adaptive" in Path("deep/er/simulate.html").read_text()
 
 
-def test_an_unstable_run_that_is_forced_is_a_result_with_nulls(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["simulate", "rig.toml", "--preset", "paper", "--force", "--json"]) == 0
-    printed = capsys.readouterr()
+def test_an_unstable_run_that_is_forced_is_a_result_with_nulls(command: Command) -> None:
+    printed = command("simulate rig.toml --preset paper --force --json")
     (run,) = check(printed.out, "simulate")["runs"]
     assert run.pop("law") == "adaptive"
     assert run.pop("check") == "does_not_hold"
@@ -68,12 +67,9 @@ def test_an_unstable_run_that_is_forced_is_a_result_with_nulls(capsys: pytest.Ca
     assert printed.err.startswith("bowden: note: adaptive fails the check on rig.toml, and runs because of --force: ")
 
 
-def test_gains_that_do_not_hold_are_refused_before_anything_runs(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_gains_that_do_not_hold_are_refused_before_anything_runs(folder: Path, command: Command) -> None:
     (folder / "slow.toml").write_text(SHORT + "[servo]\nnatural_frequency_hz = 1.0\n")
-    assert main.run(["simulate", "slow.toml", "--law", "uncompensated", "--law", "cascaded_pid", "--json"]) == 2
-    printed = capsys.readouterr()
+    printed = command("simulate slow.toml --law uncompensated --law cascaded_pid --json", code=2)
     assert printed.out == ""
     assert printed.err.startswith(
         "bowden: cascaded_pid fails the check on slow.toml: the sampled loop is unstable at a "
@@ -85,7 +81,7 @@ def test_gains_that_do_not_hold_are_refused_before_anything_runs(
     assert sorted(path.name for path in folder.iterdir()) == ["rig.toml", "slow.toml"]
 
 
-def test_the_bends_of_the_scenario_count(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_bends_of_the_scenario_count(folder: Path, capsys: pytest.CaptureFixture[str], command: Command) -> None:
     gains = "[control]\nlaw = 'adaptive'\n[control.gains]\nerror_gain = 0.15\nfeedback_gain = 10.0\n"
     moved = "[scenario.bend]\nkind = 'scripted'\ntimes_s = [1.0, 2.0]\nbends_deg = [180.0, 3600.0]\n"
     (folder / "still.toml").write_text(SHORT + gains)
@@ -94,29 +90,28 @@ def test_the_bends_of_the_scenario_count(folder: Path, capsys: pytest.CaptureFix
     for rig in ("still.toml", "moved.toml"):
         main.run(["check", rig, "--json"])
         verdict = json.loads(capsys.readouterr().out)
-        assert main.run(["simulate", rig, "--force", "--json"]) == 0
-        printed = capsys.readouterr()
+        printed = command("simulate", rig, "--force", "--json")
         assert json.loads(printed.out)["runs"][0]["check"] == verdict["verdict"]
         assert (verdict["reason"] in printed.err) is (verdict["verdict"] != "holds")
         reasons.append(verdict["reason"])
     assert reasons[0] != reasons[1]
 
 
-def test_little_margin_runs_with_a_note(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["simulate", "rig.toml", "--law", "observer", "--json"]) == 0
-    printed = capsys.readouterr()
+def test_little_margin_runs_with_a_note(command: Command) -> None:
+    printed = command("simulate rig.toml --law observer --json")
     assert check(printed.out, "simulate")["runs"][0]["check"] == "little_margin"
     assert printed.err.startswith("bowden: note: observer has little margin on rig.toml: ")
 
 
-def test_a_law_that_cannot_be_checked_is_not_locked_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_law_that_cannot_be_checked_is_not_locked_out(
+    folder: Path, capsys: pytest.CaptureFixture[str], command: Command
+) -> None:
     """The root of the joint's angle is no number a count below zero, where the check looks; the run is above."""
     (folder / "above.toml").write_text(SHORT.replace("period_s", "low_deg = 10.0\nperiod_s"))
     source = (ROOT / "examples" / "my_law.py").read_text().replace("import tanh", "import power, tanh")
     root = "return State(integral), command + 1e-9 * power(sample.joint, 0.5)"
     (folder / "law.py").write_text(source.replace("return State(integral), command", root))
-    assert main.run(["simulate", "above.toml", "--law", "law.py", "--json"]) == 0
-    printed = capsys.readouterr()
+    printed = command("simulate above.toml --law law.py --json")
     (figures,) = check(printed.out, "simulate")["runs"]
     assert (figures["check"], figures["stable"]) == (None, True)
     why = "law has no linear model: its command is no finite number at rest at 0° or a count of the encoder beside it"
@@ -125,10 +120,9 @@ def test_a_law_that_cannot_be_checked_is_not_locked_out(folder: Path, capsys: py
     assert capsys.readouterr().err == f"bowden: {why}; expected a law that is defined there; correct the law\n"
 
 
-def test_simulate_prints_a_table_and_tells_laws_of_one_name_apart(capsys: pytest.CaptureFixture[str]) -> None:
+def test_simulate_prints_a_table_and_tells_laws_of_one_name_apart(command: Command) -> None:
     own = str(ROOT / "examples" / "my_law.py")
-    assert main.run(["simulate", "rig.toml", "--law", own, "--law", own, "--duration", "2", "--seed", "7"]) == 0
-    printed = capsys.readouterr()
+    printed = command("simulate", "rig.toml", "--law", own, "--law", own, "--duration", "2", "--seed", "7")
     assert "my_law-2" in printed.out
     assert "out/simulate/simulate.html" in printed.out.replace("\\", "/")
     assert printed.err == ""
@@ -145,21 +139,21 @@ def test_a_rig_finds_its_own_law_beside_itself(folder: Path, capsys: pytest.Capt
     assert Trace.read("out/simulate/my_law.npz").settings["gains"]["integral_gain"] == 0.0
 
 
-def test_reproduce_keeps_to_its_schema(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["reproduce", "--only", "fig4", "--json"]) == 0
-    document = check(capsys.readouterr().out, "reproduce")
+def test_reproduce_keeps_to_its_schema(command: Command) -> None:
+    document = command.document("reproduce --only fig4")
     assert {claim["id"] for claim in document["claims"]} == {
         f"fig4.{name}" for name in ("half_width", "ratio", "mismatch", "residual")
     }
     assert [Path(file).name for file in document["files"] if Path(file).is_file()] == ["reproduce.html"]
 
 
-def test_init_writes_the_commented_default_and_never_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+def test_init_writes_the_commented_default_and_never_over_a_file(
+    capsys: pytest.CaptureFixture[str], command: Command
+) -> None:
     assert main.run(["init", "new.toml", "--json"]) == 0
     assert check(capsys.readouterr().out, "init")["files"] == ["new.toml"]
     assert Path("new.toml").read_text(encoding="utf-8") == rig_of_bench.toml_text("new.toml", "bowden")
-    assert main.run(["init"]) == 2
-    assert "--force" in capsys.readouterr().err
+    assert "--force" in command.refused("init")
     assert Path("rig.toml").read_text() == SHORT
     assert main.run(["init", "--force"]) == 0
     assert capsys.readouterr().out.endswith("Next: bowden simulate rig.toml\n")
@@ -186,10 +180,9 @@ def test_init_writes_the_commented_default_and_never_over_a_file(capsys: pytest.
 )
 @pytest.mark.parametrize("as_json", [False, True])
 def test_a_failure_is_one_line_code_2_and_nothing_written(
-    folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], said: str, as_json: bool
+    folder: Path, command: Command, arguments: list[str], said: str, as_json: bool
 ) -> None:
-    assert main.run([*arguments, "--json"] if as_json and arguments else arguments) == 2
-    printed = capsys.readouterr()
+    printed = command(*[*arguments, "--json"] if as_json and arguments else arguments, code=2)
     assert printed.out == ""
     assert said in printed.err.replace("\\", "/")
     assert printed.err.startswith("bowden: ")
@@ -231,7 +224,6 @@ def test_the_installed_command(folder: Path) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="nothing is read-only for root")
-def test_a_read_only_folder_is_refused_before_anything_runs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_read_only_folder_is_refused_before_anything_runs(folder: Path, command: Command) -> None:
     (folder / "locked").mkdir(mode=0o500)
-    assert main.run(["simulate", "rig.toml", "--out", "locked/deep"]) == 2
-    assert "locked is read-only" in capsys.readouterr().err
+    assert "locked is read-only" in command.refused("simulate rig.toml --out locked/deep")

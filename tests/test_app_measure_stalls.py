@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import bowden
-from bowden.app.main import run
 from bowden.operations.schema import json_schema
 from live_runs import COMMAND, tries
+from support.command import Command
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 
@@ -36,7 +36,7 @@ def children(process: "subprocess.Popen[str]") -> list[int]:
 
 
 @pytest.mark.long
-def test_a_measurement_on_a_twin_bears_stalls(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_measurement_on_a_twin_bears_stalls(tmp_path: Path, command: Command) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text("")
     for number in tries():
@@ -63,6 +63,5 @@ def test_a_measurement_on_a_twin_bears_stalls(tmp_path: Path, capsys: pytest.Cap
         time_s = np.loadtxt(file, delimiter=",", skiprows=1, usecols=0)
         np.testing.assert_allclose(np.diff(time_s), 1e-3, atol=1e-7)
     assert bowden.identify(found["files"][0]).trust.level != "no"
-    assert run(["identify-servo", found["files"][1], "--json", "--out", str(tmp_path / "servo")]) == 0
-    servo = json.loads(capsys.readouterr().out)
+    servo = command.document("identify-servo", found["files"][1], "--out", tmp_path / "servo")
     assert servo["natural_frequency_hz"]["value"] == pytest.approx(8.527, rel=0.03)

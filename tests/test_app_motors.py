@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import json
 import subprocess
 import warnings
 from collections.abc import Iterator
@@ -10,7 +9,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import jsonschema
 import numpy as np
 import pytest
 
@@ -22,13 +20,13 @@ from bowden.live.mcap_read import read
 from bowden.live.session import Session
 from bowden.live.twin_process import own_twin
 from bowden.operations.run import run as live
-from bowden.operations.schema import json_schema
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.state import Mode
 from bowden.views.run import say_next_of
 from bowden.views.text import Call
 from live_runs import COMMAND, SHARED, finished_well, tries
+from support.command import Command
 
 SECTIONS = f"""[scenario]
 duration_s = 2.0
@@ -56,21 +54,10 @@ def leg(tmp_path: Path) -> Path:
     return path
 
 
-def asked(*words: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> Any:
-    """What a command prints as JSON, as its schema has it."""
-    ended = run([*words, "--json"])
-    out, errors = capsys.readouterr()
-    assert ended == code, errors
-    found = json.loads(out)
-    name = " ".join(word for word in words[:2] if word.isalpha() and not Path(word).exists())
-    jsonschema.validate(found, json_schema(name))
-    return found
-
-
 @pytest.mark.live
 @pytest.mark.parametrize("buses", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_two_twins_run_in_one_loop_and_each_motor_replays_to_the_bit(
-    buses: int, leg: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    buses: int, leg: Path, tmp_path: Path, command: Command
 ) -> None:
     if buses == 2:
         leg.write_text(leg.read_text().replace("node_id = 2", 'node_id = 1\nchannel = "other"'))
@@ -81,7 +68,7 @@ def test_two_twins_run_in_one_loop_and_each_motor_replays_to_the_bit(
     for part in log.parts.values():
         assert part["mode"].max() == Mode.RELEASING or part["mode"].max() == Mode.RUNNING
     assert float(np.nanmax(log["knee.reference"])) < 0.5 * float(np.nanmax(log["reference"]))
-    again = asked("log", "replay", found["log"], capsys=capsys)
+    again = command.document("log", "replay", found["log"])
     assert [motor["motor"] for motor in again["motors"]] == ["hip", "knee"]
     for motor in again["motors"]:
         assert motor["law_cycles"] > 1000
@@ -90,22 +77,22 @@ def test_two_twins_run_in_one_loop_and_each_motor_replays_to_the_bit(
             0,
             0.0,
         )
-    one = asked("log", "replay", found["log"], "--motor", "knee", capsys=capsys)
+    one = command.document("log", "replay", found["log"], "--motor", "knee")
     assert one["law_cycles"] == again["motors"][1]["law_cycles"]
-    told = asked("log", "info", found["log"], capsys=capsys)
+    told = command.document("log", "info", found["log"])
     assert [*told["motors"]] == ["hip", "knee"]
-    files = asked("log", "plot", found["log"], "--out", str(tmp_path / "page.html"), capsys=capsys)["files"]
+    files = command.document("log", "plot", found["log"], "--out", tmp_path / "page.html")["files"]
     assert [Path(file).name for file in files] == ["page-hip.html", "page-knee.html"]
-    columns = asked(
-        *("log", "export", found["log"], "--motor", "knee", "--out", str(tmp_path / "knee.parquet")), capsys=capsys
-    )["columns"]
+    columns = command.document("log", "export", found["log"], "--motor", "knee", "--out", tmp_path / "knee.parquet")[
+        "columns"
+    ]
     assert "joint" in columns
     assert not any(column.startswith("knee.") for column in columns)
 
 
 @pytest.mark.live
 def test_a_shared_joint_with_a_load_cell_runs_on_one_twin_and_replays_to_the_bit(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, command: Command
 ) -> None:
     path = tmp_path / "elbow.toml"
     joint = '[[joint]]\nname = "elbow"\nco_contraction_deg = 4.0\n'
@@ -134,7 +121,7 @@ slack_sign = 1.0
     led = log["source"] >= TargetSource.LAW_BEGINS
     assert log["tension"][led].min() > 2.0
     assert np.isnan(log["extensor.tension"]).all()
-    again = asked("log", "replay", found["log"], capsys=capsys)
+    again = command.document("log", "replay", found["log"])
     for motor in again["motors"]:
         assert motor["law_cycles"] > 1000
         assert (motor["requested_target_largest"], motor["verdicts_differing"], motor["command_largest"]) == (
@@ -185,13 +172,13 @@ def test_a_fault_of_one_twin_stops_both_and_is_told_with_its_motor(
         pytest.fail("another fault came first in every try")
 
 
-def test_check_and_simulate_tell_each_motor(leg: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    checked = asked("check", str(leg), capsys=capsys)
+def test_check_and_simulate_tell_each_motor(leg: Path, tmp_path: Path, command: Command) -> None:
+    checked = command.document("check", leg)
     assert [joint["joint"] for joint in checked["joints"]] == ["hip", "knee"]
-    simulated = asked("simulate", str(leg), "--out", str(tmp_path / "sim"), capsys=capsys)
+    simulated = command.document("simulate", leg, "--out", tmp_path / "sim")
     assert [run["joint"] for run in simulated["runs"]] == ["hip", "knee"]
     assert (tmp_path / "sim" / "knee" / "bowden.npz").exists()
-    alone = asked("simulate", str(leg), "--motor", "hip", "--out", str(tmp_path / "one"), capsys=capsys)
+    alone = command.document("simulate", leg, "--motor", "hip", "--out", tmp_path / "one")
     assert alone["runs"][0]["rmse_deg"] == simulated["runs"][0]["rmse_deg"]
 
 
@@ -215,13 +202,10 @@ def test_a_command_on_one_motor_asks_for_its_name(
     assert "has the motors hip, knee; expected one of them" in said
 
 
-def test_a_command_without_an_option_for_an_motor_does_not_name_it(
-    leg: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_command_without_an_option_for_an_motor_does_not_name_it(leg: Path, command: Command) -> None:
     study = leg.with_name("study.toml")
     study.write_text('runs = 1\n[vary]\n"servo.damping" = { uniform = [0.8, 1.0] }\n')
-    assert run(["campaign", str(study), "--rig", str(leg)]) == 2
-    said = capsys.readouterr().err
+    said = command("campaign", study, "--rig", leg, code=2).err
     assert "has several motors; expected the rig of one motor; write one without [[motor]] for this" in said
 
 

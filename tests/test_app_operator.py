@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bowden.app.main import run
 from bowden.control import LAWS
 from bowden.core.clock import boot_seconds
 from bowden.core.errors import SafetyError
@@ -36,7 +35,7 @@ from bowden.live.ring import RecorderState
 from bowden.live.row import columns
 from bowden.live.screen import picture
 from bowden.live.session import automatic
-from bowden.live.stops import MotorFaults, split_root_causes
+from bowden.live.stops import Stop, split_root_causes
 from bowden.live.twin_process import PATIENCE, relax_twin_limits
 from bowden.models.drive.thermal import Thermal, cold
 from bowden.rig.rig import Rig
@@ -45,6 +44,7 @@ from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Request
 from bowden.views.run import print_summary
 from support.blank import blank
+from support.command import Command
 
 DRIVE, LIMITS = DriveParameters(), Limits()
 WARM = {"supervisor.heat.winding": 80.0, "supervisor.heat.housing": 60.0, "supervisor.heat.i2t": 12.0}
@@ -55,10 +55,10 @@ def row(**values: float) -> dict[str, float]:
     return {**dict.fromkeys(columns(LAWS["adaptive"]), 0.0), **values}
 
 
-def faults_of(row: dict[str, float], came: dict[Fault, float]) -> list[MotorFaults]:
+def faults_of(row: dict[str, float], came: dict[Fault, float]) -> list[Stop]:
     """The faults of a row as a session with one motor has them."""
     there = {fault: came.get(fault, row["time"]) for fault in of(row["faults"])}
-    return [MotorFaults("", *split_root_causes(there), there)] if there else []
+    return [Stop.of("", there)] if there else []
 
 
 @dataclass
@@ -101,7 +101,7 @@ class FakeSession:
     def judged(self, row: dict[str, float]) -> list[dict[str, float]]:
         return [row]
 
-    def faults(self, row: dict[str, float]) -> list[MotorFaults]:
+    def faults(self, row: dict[str, float]) -> list[Stop]:
         return faults_of(row, {})
 
     def remember(self, row: dict[str, float] | None) -> None:
@@ -585,19 +585,17 @@ def test_a_key_that_does_nothing_is_answered(request_: Request, values: dict[str
     assert (said in told) if said else not told
 
 
-@pytest.mark.parametrize("command", ["run", "measure"])
+@pytest.mark.parametrize("word", ["run", "measure"])
 def test_a_rig_is_not_run_over_ssh_unless_somebody_stands_at_it(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command
 ) -> None:
     """A connection that hangs does not stop a run, so a real drive needs its user's word; a twin needs none."""
     rig = tmp_path / "rig.toml"
     rig.write_text('[drive]\ninterface = "socketcan"\nchannel = "none0"\n')
     monkeypatch.setenv("SSH_CONNECTION", "192.0.2.1 50000 192.0.2.2 22")
-    arguments = [command, str(rig), "--auto", "--out", str(tmp_path / "out")]
-    assert run(arguments) == 2
-    assert "a connection that hangs does not stop the run" in capsys.readouterr().err
-    assert run([*arguments, "--attended"]) == 2
-    assert "reached by ssh" not in capsys.readouterr().err
+    arguments = [word, str(rig), "--auto", "--out", str(tmp_path / "out")]
+    assert "a connection that hangs does not stop the run" in command.refused(*arguments)
+    assert "reached by ssh" not in command.refused(*arguments, "--attended")
     operator.refuse_over_ssh(Rig(), attended=False)
 
 

@@ -28,6 +28,7 @@ from bowden.rig.rig import Rig
 from bowden.views.check import _say_next_of
 from bowden.views.text import Call
 from live_runs import COMMAND, on_a_shared_computer, tries
+from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -99,12 +100,11 @@ def test_every_recorded_cable_ends_with_a_running_law(
 
 
 def test_a_model_that_does_not_say_what_its_log_covered(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: Command
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("model.toml").write_text(BOUC_WEN)
-    assert run(["init", "--model", "model.toml"]) == 0
-    printed = capsys.readouterr()
+    printed = command("init --model model.toml")
     assert "Reference: 0 to 70°, the model does not say what its log covered" in printed.out
     falling = Path("model.toml").read_text().replace("0.938", "-0.938")
     Path("falling.toml").write_text(falling)
@@ -129,11 +129,8 @@ def test_a_rig_of_a_model_has_the_drive_that_is_asked_for(
     assert suit or bowden.check(rig).verdict == "holds"
 
 
-def test_a_suit_with_a_drive_that_no_limb_may_have_is_not_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["init", str(tmp_path / "suit.toml"), "--suit", "--drive", "ak_mit"]) == 2
-    assert "a suit means a limb" in capsys.readouterr().err
+def test_a_suit_with_a_drive_that_no_limb_may_have_is_not_written(tmp_path: Path, command: Command) -> None:
+    assert "a suit means a limb" in command.refused("init", tmp_path / "suit.toml", "--suit", "--drive", "ak_mit")
     assert not (tmp_path / "suit.toml").exists()
 
 
@@ -191,6 +188,7 @@ def test_without_gains_the_law_that_follows_better_is_named(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
+    command: Command,
 ) -> None:
     def failed(*_: object, **__: object) -> None:
         raise NoGainsError("no gains")
@@ -207,8 +205,7 @@ def test_without_gains_the_law_that_follows_better_is_named(
     *error, last = capsys.readouterr().err.splitlines()
     assert said in " ".join(error).replace('"', "'")
     assert last == f"Next: bowden {following}"
-    assert run(["tune", "rig.toml", "--json"]) == 2
-    assert "Next" not in capsys.readouterr().err
+    assert "Next" not in command("tune rig.toml --json", code=2).err
 
 
 @pytest.fixture(scope="module")

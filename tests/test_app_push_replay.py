@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bowden.app import main
 from bowden.control import LAWS
 from bowden.control.source import TABLE, Measurement
 from bowden.core.errors import LogError
@@ -29,6 +28,7 @@ from bowden.models.drive.thermal import cold
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from live_runs import pushed_rig
+from support.command import Command
 
 DT = 1e-3
 
@@ -136,7 +136,7 @@ def recorded(ran: Live) -> np.ndarray:
         requested_target, verdict = cycle.step(observed, plan)
         rows.append(
             (
-                *(k * DT, *cycle.reference, *reading, *cycle.recorded().sample, requested_target),
+                *(k * DT, *cycle.reference, *reading, *cycle.recorded().sample[:2], requested_target),
                 *(*verdict, plan.source, 0.0, DT, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, math.nan, 8e-5),
                 *(*cycle.recorded().law, *cycle.recorded().conditioned),
                 *(*cycle.recorded().supervisor, *cycle.recorded().source),
@@ -146,7 +146,7 @@ def recorded(ran: Live) -> np.ndarray:
 
 
 @pytest.mark.long
-def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_replay_of_another_law_is_that_law_above_its_own_source(command: Command) -> None:
     ran, other = live("uncompensated"), live("cascaded_pid").law
     rows, source = recorded(ran), live("cascaded_pid").source()
     kept = description(columns(ran.law, source=ran.source()), told(ran), 1_700_000_000 * 10**9, 5)
@@ -160,21 +160,18 @@ def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pyte
     differences, state, asked = [], None, None
     for row in rows[1:].tolist():
         sample = Sample(row[at["joint_seen"]], row[at["motor_seen"]])
-        measured = Measurement(*sample, row[at["current"]], math.nan)
+        measured = Measurement(*sample[:2], row[at["current"]], math.nan)
         if state is None:
             state, asked = other.start(sample), source.start(measured)
         asked, reference, added = source.step(asked, measured, Reference(0.0, 0.0, 0.0), DT)
-        state, command = other.step(state, sample, reference, DT)
-        differences.append(clamp_offset(ran.limits, command, added) - row[at["requested_target"]])
+        state, target = other.step(state, sample, reference, DT)
+        differences.append(clamp_offset(ran.limits, target, added) - row[at["requested_target"]])
 
-    capsys.readouterr()
-    assert main.run(["log", "replay", "run.mcap", "--law", "cascaded_pid", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = command.document("log replay run.mcap --law cascaded_pid")
     assert (found["same_law"], found["law_cycles"]) == (False, CYCLES - 1)
     assert found["requested_target_largest"] == pytest.approx(np.abs(differences).max(), rel=1e-12)
     assert found["requested_target_rms"] == pytest.approx(np.sqrt(np.mean(np.square(differences))), rel=1e-12)
-    assert main.run(["log", "replay", "run.mcap", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["requested_target_largest"] == 0.0
+    assert command.document("log replay run.mcap")["requested_target_largest"] == 0.0
 
 
 def test_the_summary_of_a_run_has_the_figures_of_the_simulations(folder: Path) -> None:

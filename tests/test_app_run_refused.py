@@ -12,6 +12,7 @@ from bowden.hardware.buses.opening import UNIX, claim
 from bowden.live.session import prepared_loop
 from bowden.live.twin_process import running_twin
 from bowden.operations.run import run_to_end
+from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("state")
 
@@ -83,14 +84,13 @@ def test_what_cannot_run_is_refused_in_one_line(
 
 
 def test_a_bus_that_another_run_has_is_told_before_the_law_is_checked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command
 ) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text("")
     monkeypatch.setattr("bowden.design.verdict.verdicts", lambda *_, **__: pytest.fail("the law is checked"))
     other = claim(UNIX, str(tmp_path / "b"), "host")
-    assert run(["run", str(rig), "--auto", "--channel", str(tmp_path / "b")]) == 2
-    assert "end the other run first" in capsys.readouterr().err
+    assert "end the other run first" in command.refused("run", rig, "--auto", "--channel", tmp_path / "b")
     other.close()
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     claim(UNIX, str(tmp_path / "loop"), "host").close()

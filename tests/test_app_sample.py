@@ -1,7 +1,6 @@
 """`bowden sample`: what is written can be identified, scored and run, and is what the file of the truth says."""
 
 import itertools
-import json
 import re
 import shlex
 import tomllib
@@ -18,6 +17,7 @@ from bowden.identify.log.read import read_log
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.operations.schema import json_schema
 from bowden.rig.rig import Rig
+from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -30,23 +30,17 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def document(words: str, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    assert run([*shlex.split(words), "--json"]) == 0, capsys.readouterr().err
-    return json.loads(capsys.readouterr().out)
-
-
 def truth(path: str) -> dict[str, Any]:
     return tomllib.loads(Path(path).read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_sample_is_written_whole_and_names_the_next_command(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
-    found = document(f"sample {kind} 'of mine'", capsys)
+def test_a_sample_is_written_whole_and_names_the_next_command(kind: str, command: Command) -> None:
+    found = command.document(f"sample {kind} 'of mine'")
     jsonschema.validate(found, json_schema("sample"))
     assert {str(path) for path in Path("of mine").iterdir()} == set(found["files"])
     assert list(found["files"])[-1] == f"of mine/{kind}.truth.toml"
-    assert run(["sample", kind, "."]) == 0
-    printed = capsys.readouterr().out
+    printed = command("sample", kind, ".").out
     assert all(re.search(rf"^  {re.escape(Path(file).name)} ", printed, re.MULTILINE) for file in found["files"])
     (following,) = re.findall(r"^Next: bowden (.*)$", printed, re.MULTILINE)
     files = [word.removeprefix("file:") for word in shlex.split(following) if re.search(r"\.(csv|toml)$", word)]
@@ -79,13 +73,10 @@ def test_the_same_seed_gives_the_same_files_and_another_one_others(kind: str) ->
         ("cable", "Missing argument 'FOLDER'"),
     ],
 )
-def test_what_cannot_be_written_is_one_line_and_nothing_is_touched(
-    words: str, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_written_is_one_line_and_nothing_is_touched(words: str, said: str, command: Command) -> None:
     for name in ("log.csv", "mine"):
         Path(name).write_text("mine")
-    assert run(["sample", *shlex.split(words)]) == 2
-    printed = capsys.readouterr()
+    printed = command("sample", *shlex.split(words), code=2)
     assert said in printed.err
     assert (printed.out, printed.err.count("\n")) == ("", 1)
     assert {path.name: path.read_text() for path in Path().iterdir()} == {"log.csv": "mine", "mine": "mine"}
@@ -115,20 +106,22 @@ def test_the_cable_is_found_in_its_log(capsys: pytest.CaptureFixture[str]) -> No
     assert fit.models["bouc_wen"].test_rms * DEGREES < 0.025  # noise of 0.01° and counts of 0.022 and 0.044°
 
 
-def test_the_other_logs_of_a_cable_and_a_servo_are_what_the_truth_says(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_other_logs_of_a_cable_and_a_servo_are_what_the_truth_says(
+    capsys: pytest.CaptureFixture[str], command: Command
+) -> None:
     assert run(["sample", "cable", "."]) == 0
     assert run(["identify", "log.csv"]) == 0
     true = truth("cable.truth.toml")
     capsys.readouterr()
-    new = document("identify new.csv --model out/identify/model.toml --out new", capsys)["recalibration"]
+    new = command.document("identify new.csv --model out/identify/model.toml --out new")["recalibration"]
     assert (new["gain"], new["offset_deg"]) == pytest.approx((true["new"]["gain"], true["new"]["offset_deg"]), rel=0.01)
     assert not new["changed"]
-    loads = document("identify low.csv mid.csv high.csv", capsys)
+    loads = command.document("identify low.csv mid.csv high.csv")
     known = [true[name]["load_nm"] for name in ("low", "mid", "high")]
     assert [one["load"] for one in loads["logs"]] == pytest.approx(known, abs=1e-4)  # the mean of its column
     assert all(one["test_rms_deg"] < 0.03 for one in loads["logs"])
     for log in ("step.csv", "chirp.csv --command target --unit deg"):
-        servo = document(f"identify-servo {log}", capsys)
+        servo = command.document(f"identify-servo {log}")
         for name in ("natural_frequency_hz", "damping"):
             assert servo[name]["value"] == pytest.approx(true["servo"][name], rel=2e-3)
         assert 1e3 * servo["delay_s"]["value"] == pytest.approx(true["servo"]["delay_ms"], abs=0.05)
@@ -138,15 +131,17 @@ def test_the_other_logs_of_a_cable_and_a_servo_are_what_the_truth_says(capsys: p
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 10))])
 @pytest.mark.parametrize("kind", ["emg", "suit"])
-def test_all_contractions_are_found_and_no_others(kind: str, seed: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_contractions_are_found_and_no_others(
+    kind: str, seed: int, capsys: pytest.CaptureFixture[str], command: Command
+) -> None:
     assert run(["sample", kind, ".", "--seed", str(seed)]) == 0
     true = truth(f"{kind}.truth.toml")["biceps"]
     capsys.readouterr()
-    score = document("emg score biceps.csv --labels biceps.labels.csv", capsys)
+    score = command.document("emg score biceps.csv --labels biceps.labels.csv")
     assert (score["detections"], score["misses"], score["false_activations"]) == (len(true["onset_s"]), 0, 0)
     assert [on for on, _ in score["contractions_s"]] == pytest.approx(true["onset_s"], abs=0.25)
     if kind == "emg":
-        wearer = document("emg calibrate mvc.csv --rest rest.csv", capsys)
+        wearer = command.document("emg calibrate mvc.csv --rest rest.csv")
         assert 50.0 * wearer["rest"] < wearer["mvc"] < 1.5 * max(truth("emg.truth.toml")["mvc"]["contraction_mv"])
 
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from bowden.app.main import run
 from bowden.control import LAWS
 from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
@@ -20,6 +19,7 @@ from bowden.plants.suit_settings import SuitSettings
 from bowden.report.simulate_page import simulation_page
 from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
+from support.command import Command
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -144,14 +144,11 @@ def test_a_suit_loses_at_its_spool_what_the_identified_cable_does(kind: str, spo
     assert not made.turned
 
 
-def test_init_writes_a_suit_with_the_cable(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_init_writes_a_suit_with_the_cable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command) -> None:
     monkeypatch.chdir(tmp_path)
     model = replace(PLAY, others={"bouc_wen": {"initial_h": 0.0, **CURVED._asdict()}})
     model.write("model.toml")
-    assert run(["init", "suit.toml", "--suit", "--model", "model.toml"]) == 0
-    said = capsys.readouterr().out
+    said = command("init suit.toml --suit --model model.toml").out
     assert "what model.toml does, ±1.72° or ±0.75 mm of the spool" in said
     rig = Rig.read("suit.toml")
     assert rig == init(model, suit=True).rig

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from bowden.app.main import run
 from bowden.cycle.one_cycle import TargetSource
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
 from live_runs import COMMAND, started, strokes, tries
+from support.command import Command
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 
@@ -71,12 +71,13 @@ def test_the_sheath_begins_to_move_with_the_law_in_every_run(tmp_path: Path) -> 
                 assert told[1:] == [pytest.approx(begun, abs=1e-5)]
 
 
-def test_times_that_are_none_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_times_that_are_none_are_refused(tmp_path: Path, command: Command) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text(RIG)
     for words in (["--after", "nan"], ["--after", "-1"], ["--for", "0"], ["--for", "inf"]):
-        assert run(["twin", str(rig), "--inject", "silence", *words, "--channel", str(tmp_path / "b")]) == 2
-        assert "expected a time from now" in capsys.readouterr().err
+        assert "expected a time from now" in command.refused(
+            "twin", rig, "--inject", "silence", *words, "--channel", tmp_path / "b"
+        )
 
 
 @pytest.mark.parametrize(
@@ -92,12 +93,9 @@ def test_times_that_are_none_are_refused(tmp_path: Path, capsys: pytest.CaptureF
         ),
     ],
 )
-def test_what_a_twin_cannot_be_told_is_refused(
-    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_a_twin_cannot_be_told_is_refused(words: list[str], said: str, tmp_path: Path, command: Command) -> None:
     (tmp_path / "rig.toml").write_text(RIG)
-    assert run(["twin", str(tmp_path / "rig.toml"), *words, "--channel", str(tmp_path / "b")]) == 2
-    assert said in capsys.readouterr().err
+    assert said in command.refused("twin", tmp_path / "rig.toml", *words, "--channel", tmp_path / "b")
 
 
 @pytest.mark.parametrize("family", ["dynamixel", "feetech"])

@@ -74,7 +74,6 @@ class FakeRun:
         self.obeys, self.mode, self.running, self.ended, self.error = obeys, Mode.STOPPED, True, None, ""
         self.asked: list[Request] = []
         self.beats: list[float] = []
-        self.came: dict[Any, float] = {}
         self.recorder, self.still, self.logs = 1, 0.0, [Path("run-1.mcap")]
         limits = SimpleNamespace(losses=lambda: "the cable is let out", measure=False)
         self.live = limits
@@ -387,7 +386,7 @@ def test_a_terminals_rows_are_read_by_a_reader_for_each_thread_and_pages_change_
     about = description(columns(LAWS["adaptive"]), {"limits": {}}, 0, 0)
     create(tmp_path / "a.ring", about, 64)
     writer, rows = RingWriter(tmp_path / "a.ring"), RingReader(tmp_path / "a.ring")
-    seen = {"came": {}, "recorder": 1, "row_of": lambda row: {"mode": row[0]}}
+    seen = {"recorder": 1, "row_of": lambda row: {"mode": row[0]}}
     session: Any = SimpleNamespace(rows=rows, logs=[tmp_path / "a.mcap"], **seen)
     run, failed, over = TerminalRun(session, []), [], threading.Event()
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowden.app.guided_work import identified_servo
+from bowden.app.works import identified_servo
 from bowden.console.guided import STEPS, GuidedPath
 from bowden.console.jobs import Jobs
 from bowden.core.errors import ParameterError

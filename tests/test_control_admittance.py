@@ -15,7 +15,6 @@ from bowden.control.admittance.virtual_elbow import (
     check_admittance,
 )
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import compiled
 
 WIDE = Admittance(
     inertia=0.1, damping=0.3, stiffness=2.0, rest=0.5, dead_band=0.0, low=-50.0, high=50.0, speed_limit=1e3,
@@ -130,13 +129,10 @@ def test_without_a_torque_it_comes_to_rest_where_it_is() -> None:
     assert lost[-1].position - lost[0].position == pytest.approx(speeds[0] * 0.05, rel=0.03)
 
 
-def test_compiled_and_interpreted_are_the_same_bits() -> None:
-    random, state = np.random.default_rng(3), admittance_start(Admittance(), 0.7)
-    twin, fast = compiled(admittance_step), state
-    for torque in [*random.normal(0.0, 5.0, 300), np.nan, np.inf, -np.inf, 1e300, *random.normal(0.0, 40.0, 50)]:
+def test_whatever_the_torque_its_state_is_a_number() -> None:
+    state = admittance_start(Admittance(), 0.7)
+    for torque in [np.nan, np.inf, -np.inf, 1e300, -1e300, 5.0, 0.0]:
         state, _ = admittance_step(Admittance(), state, float(torque), 1e-3)
-        fast, _ = twin(Admittance(), fast, float(torque), 1e-3)
-        assert tuple(state) == tuple(fast)
         assert np.isfinite(state).all()
 
 

@@ -14,7 +14,7 @@ from bowden.control.our_law.law import UNKNOWN_LAG
 from bowden.control.our_law.oscillation import ALIKE, ENOUGH, WATCHED
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
 from bowden.core.kernel import compiled, kernel
-from bowden.core.nested import flat, names, unflatten_like
+from bowden.core.nested import flat, names, unflatten
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.backlash import Play
@@ -22,8 +22,9 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath_path import scripted_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, servo_step
-from bowden.plants.cable_plant import CablePlant
-from bowden.plants.cables import bouc_wen, play
+from bowden.plants.bench import Bench
+from bowden.plants.cable import bouc_wen
+from bowden.plants.cables import play
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.presets import paper
 from bowden.plants.presets.bench import default_bench
@@ -64,10 +65,10 @@ def crossing_width(width: float, factor: float) -> float:
     """Motor travel after a turn until the bench's joint is back where it was [rad]."""
     cable = bouc_wen(default_bench().cable)
     memory = cable.start(cable.prepared, 0.0, width, factor)
-    memory = cable.advance(cable.prepared, memory, 0.0, 1.0, width, factor, 1.0)
+    memory = cable.advance(cable.prepared, memory, 0.0, 1.0, 1.0 / width, width, 1.0)
     turn, motor, step = cable.look(cable.prepared, memory, 1.0, width, factor).joint, 1.0, 2e-4
     while motor > 0.98 or cable.look(cable.prepared, memory, motor, width, factor).joint > turn:
-        memory = cable.advance(cable.prepared, memory, motor, motor - step, width, factor, 1.0)
+        memory = cable.advance(cable.prepared, memory, motor, motor - step, -step / width, width, 1.0)
         motor -= step
     return 1.0 - motor
 
@@ -81,7 +82,7 @@ def test_the_width_is_a_lower_end_and_the_slope_is_the_cables(constant: Trace, m
 
 def test_a_cable_that_runs_the_other_way_is_the_same_cable() -> None:
     one, other = (
-        simulate(CablePlant(cable=play(Play(sign * 0.9, 0.05))), law, paper.minimum_jerk(), duration=20.0)
+        simulate(Bench(cable=play(Play(sign * 0.9, 0.05))), law, paper.minimum_jerk(), duration=20.0)
         for sign, law in ((1.0, LAW), (-1.0, LAW.with_gains(slope=-1.0)))
     )
     np.testing.assert_allclose(one["joint"], other["joint"], atol=1e-12)
@@ -90,7 +91,7 @@ def test_a_cable_that_runs_the_other_way_is_the_same_cable() -> None:
 
 @pytest.mark.parametrize(("sample_time", "most_deg"), [(5e-4, 0.1), (1e-3, 0.1), (4e-3, 0.25)])
 def test_it_holds_from_250_hz_to_2_khz(sample_time: float, most_deg: float) -> None:
-    plant = CablePlant(cable=play(Play(0.9, 0.05)), sample_time=sample_time)
+    plant = Bench(cable=play(Play(0.9, 0.05)), sample_time=sample_time)
     trace = simulate(plant, informed(LAW, knowledge_of(plant)), paper.minimum_jerk(), duration=20.0)
     assert rmse(trace.error[trace.time > 10.0]) * DEGREES < most_deg
 
@@ -272,7 +273,7 @@ HUNTS = pytest.mark.xfail(
 @pytest.mark.parametrize(("resolution_deg", "noise_deg"), [(0.02, 0.1), (0.2, 0.0)])
 def test_a_minute_at_rest_is_quiet(resolution_deg: float, noise_deg: float) -> None:
     encoder = Encoder(resolution_deg * RADIANS, noise_deg * RADIANS)
-    plant = CablePlant(cable=bouc_wen(BoucWen()), joint_encoder=encoder, motor_encoder=encoder)
+    plant = Bench(cable=bouc_wen(BoucWen()), joint_encoder=encoder, motor_encoder=encoder)
     moves = PointToPoint((0.0, 1.0, 61.0, 62.0, 122.0), (0.0, 0.8, 0.8, 0.3, 0.3))
     trace = simulate(plant, informed(LAW, knowledge_of(plant)), moves, duration=122.0)
     for begin in (5.0, 66.0):
@@ -295,7 +296,7 @@ def test_where_the_rig_is_as_told_the_observer_sees_the_disturbance_alone() -> N
 
 def test_a_slope_is_learned_for_the_plan_alone(clean: Played) -> None:
     """The feedback's answer to an error is the same whatever slope was learned."""
-    state = unflatten_like(LAW.start(Sample(0.0, 0.0)), clean.states[-500])
+    state = unflatten(LAW.start(Sample(0.0, 0.0)), clean.states[-500])
     wanted, changes = Reference(*STROKES[-499].tolist()), []
     for inverse in (1.0, 1.3):
         held = state._replace(deadzone=state.deadzone._replace(inverse=inverse))

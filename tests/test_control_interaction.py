@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowden.control.admittance.interaction import Chain, Doubt, InteractionState, interaction_start, interaction_step
-from bowden.core.kernel import compiled
 from bowden.models.cable.sheath import Sheath, slope_factor, width
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_map, spool_of
@@ -115,15 +114,3 @@ def test_a_reading_that_is_no_number_is_no_torque_and_is_forgotten() -> None:
         assert np.isnan(lost.torque)
         again = interaction_step(CHAIN, Doubt(), lost, 1.5, 0.7, 1.0, 1e-3)
         assert again.torque == pytest.approx(state.torque, abs=1e-6)
-
-
-def test_compiled_and_interpreted_are_the_same_bits() -> None:
-    random, chain = np.random.default_rng(5), CHAIN._replace(friction=2.3, loss=0.2, half_width=0.002, flesh=190.0)
-    state, twin = interaction_start(chain, 1.0, 0.5), compiled(interaction_step)
-    fast = state
-    for k in range(500):
-        given = (1.0 + np.sin(0.02 * k), 0.5 + 0.4 * np.sin(0.02 * k - 0.1), float(random.normal(0.0, 5.0)))
-        given = (np.nan, *given[1:]) if k == 250 else given
-        state = interaction_step(chain, Doubt(), state, *map(float, given), 1e-3)
-        fast = twin(chain, Doubt(), fast, *map(float, given), 1e-3)
-        assert np.array_equal(state, fast, equal_nan=True)

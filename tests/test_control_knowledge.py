@@ -24,7 +24,6 @@ from bowden.live.log_rig import law_of
 from bowden.live.mcap_read import Recording
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.encoder import Encoder
-from bowden.plants.cables import as_cable_plant
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.presets.bench import default_bench
 from bowden.plants.presets.paper import minimum_jerk
@@ -159,7 +158,7 @@ def test_what_a_bench_knows() -> None:
 
 
 def test_of_a_plant_round_any_other_cable_nothing_is_known_of_the_cable() -> None:
-    bench, plant = knowledge_of(BENCH), knowledge_of(as_cable_plant(BENCH))
+    bench, plant = knowledge_of(BENCH), knowledge_of(BENCH._replace(cable=BENCH.simulated_cable))
     assert plant._replace(cable=bench.cable, motor_zero=bench.motor_zero).__repr__() == bench.__repr__()
     assert np.isnan(plant.cable).all()
     assert math.isnan(plant.motor_zero)

@@ -16,7 +16,7 @@ from bowden.control.laws.active_disturbance_rejection import observer_gains, pre
 from bowden.control.laws.backlash_inverse import Means, average
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.control.stability import StateSpace, margins, servo_model
-from bowden.core.nested import flat, leaves, name_of, unflatten_like
+from bowden.core.nested import flat, leaves, name_of, unflatten
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.models.cable.backlash import Play, joint_angle, push
@@ -128,7 +128,7 @@ def linear(law: Law, slope: float, **estimates: float) -> StateSpace:
     rest = law.start(Sample(0.0, 0.0))._replace(**estimates)
 
     def at(change: np.ndarray, motor: float) -> np.ndarray:
-        before = unflatten_like(rest, np.array(flat(rest)) + change)
+        before = unflatten(rest, np.array(flat(rest)) + change)
         after, command = law.step(before, Sample(slope * motor, motor), REST, DT)
         return np.array([*flat(after), -command], dtype=float)
 

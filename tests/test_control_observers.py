@@ -212,6 +212,15 @@ def test_the_filter_is_exact_for_any_cycle() -> None:
     np.testing.assert_allclose(lowpass_second_order(half, 1.0, 50.0, 2e-3), once, rtol=1e-12)
 
 
+@pytest.mark.parametrize("omega", [20.0, 54.0, 120.0])
+def test_more_delay_never_gives_the_adaptive_law_more_gain(omega: float) -> None:
+    found = [informed(LAWS["adaptive"], rig(omega, 0.8, delay, 1e-3)).gains for delay in range(20)]
+    for name, sign in (("error_gain", 1.0), ("feedback_gain", 1.0), ("smoothing", -1.0)):
+        gains = [sign * getattr(one, name) for one in found]
+        assert gains == sorted(gains, reverse=True)
+        assert abs(gains[0]) != abs(gains[-1])
+
+
 def test_the_adaptive_law_has_its_own_gains_on_the_default_bench() -> None:
     law = LAWS["adaptive"]
     assert Rig(law="adaptive").fitted().gains == law.gains

@@ -3,6 +3,8 @@
 import control
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bowden.control import LAWS
 from bowden.control.laws.adaptive import AdaptiveGains, ultimate_bounds
@@ -95,6 +97,19 @@ def test_a_loop_beyond_its_gain_margin_is_unstable() -> None:
     assert not beyond.stable
     assert beyond.gain_margin_db is None
     assert beyond.largest_pole > 1.0
+
+
+@given(st.lists(st.floats(0.01, 10.0), min_size=10, max_size=10))
+def test_lyapunov_bounds_are_where_the_papers_function_stops_falling(numbers: list[float]) -> None:
+    """β·s²/2 = f/ϱ and |e| = 2·s/λ."""
+    *eight, slope, height = numbers
+    gains, beta = AdaptiveGains(*eight), 1.0 / slope
+    found = ultimate_bounds(gains, slope, height)
+    f = 0.5 * (gains.slope_leakage * beta**2 + gains.bound_leakage * height**2) + 0.2785 * gains.smoothing
+    products = gains.slope_leakage * gains.slope_adaptation, gains.bound_leakage * gains.bound_adaptation
+    rate = min(2.0 * gains.feedback_gain * slope, *products)
+    assert 0.5 * beta * found.filtered_error**2 == pytest.approx(f / rate)
+    assert found.error * gains.error_gain == pytest.approx(2.0 * found.filtered_error)
 
 
 def test_lyapunov_bounds_shrink_with_error_gain_and_are_vacuous_with_the_printed_gains() -> None:

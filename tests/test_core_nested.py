@@ -8,7 +8,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.core.kernel import compiled, kernel
-from bowden.core.nested import columns, flat, from_columns, names, unflatten, unflatten_like
+from bowden.core.nested import columns, flat, from_columns, names, unflatten
 from bowden.core.signals import Sample
 from bowden.live.row import STOPPED, SUPERVISOR
 
@@ -33,7 +33,7 @@ def test_a_state_comes_back_from_its_columns(state: Any) -> None:
     assert len(set(own)) == len(own) == len(flat(state))
     kept = [float(leaf) if isinstance(leaf, bool | IntEnum) else k for k, leaf in enumerate(flat(state), 1)]
     row = np.array(kept, dtype=np.float64)
-    filled = unflatten_like(state, row)
+    filled = unflatten(state, row)
     assert type(filled) is type(state)
     assert flat(filled) == tuple(row)
     assert from_columns(state, dict(zip(own, row, strict=True))) == filled
@@ -59,7 +59,7 @@ def test_a_bool_stays_a_bool_and_an_enum_an_enum() -> None:
     state = Decision(Answer.YES, False, 0.0)
     row = np.array([2.0, 1.0, 3.0])
     out = np.empty(3)
-    for made in (unflatten(state, row), unflatten_like(state, row), compiled(back)(state, row)):
+    for made in (unflatten(state, row), compiled(back)(state, row)):
         assert made == (Answer.NO, True, 3.0)
         assert [type(part) for part in made] == [Answer, bool, float]
         compiled(there)(made, out)

@@ -9,8 +9,8 @@ import pytest
 from scipy import stats
 
 from bowden.core.errors import OutputError, ParameterError
-from bowden.study.distributions import distribution
-from bowden.study.sensitivity import ranked, sensitivity
+from bowden.study.distributions import Distribution
+from bowden.study.figures import ranked, sensitivity
 from bowden.study.store import Store, differences, row_bytes
 
 SHARES = [0.0, 0.01, 0.2, 0.5, 0.77, 0.99]
@@ -26,18 +26,18 @@ SHARES = [0.0, 0.01, 0.2, 0.5, 0.77, 0.99]
     ],
 )
 def test_a_distribution_is_scipys(kind: str, given: tuple[float, ...], oracle: stats.rv_continuous) -> None:
-    found = distribution(kind, given)
+    found = Distribution(kind, given)
     np.testing.assert_allclose([found.value(u) for u in SHARES], oracle.ppf(SHARES), rtol=1e-6, atol=1e-9)
     assert found.ends == (min(found.ends), max(found.ends))
 
 
 def test_whole_numbers_and_choices_come_equally_often() -> None:
-    dice, words = distribution("integer", (1, 6)), distribution("choice", ("a", "b", "a"))
+    dice, words = Distribution("integer", (1, 6)), Distribution("choice", ("a", "b", "a"))
     even = np.linspace(0.0, 1.0, 6000, endpoint=False)
     assert np.bincount([int(dice.value(u)) for u in even]).tolist() == [0, *[1000] * 6]
     assert [words.value(u) for u in even].count("a") == 4000
     assert {type(dice.value(u)) for u in even} == {int}
-    assert distribution("fixed", (3.5,)).value(0.9) == 3.5
+    assert Distribution("fixed", (3.5,)).value(0.9) == 3.5
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_whole_numbers_and_choices_come_equally_often() -> None:
 )
 def test_a_distribution_that_cannot_be_is_refused(kind: str, given: tuple[float, ...]) -> None:
     with pytest.raises(ParameterError, match=f"{kind} is .*; expected "):
-        distribution(kind, given)
+        Distribution(kind, given)
 
 
 def test_sensitivity_ranks_what_matters() -> None:

@@ -15,7 +15,7 @@ from bowden.control.stability import StateSpace, adaptive_model, margins
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.design.check import check
-from bowden.design.linear_plant import OnArm, linear_plant
+from bowden.design.linear_plant import linear_plant
 from bowden.design.linearise import linearise
 from bowden.design.trial import run_trial
 from bowden.design.tune import NoGainsError
@@ -53,12 +53,11 @@ def test_margins_of_a_suit_are_those_of_the_linear_suit_worked_out_by_hand() -> 
     worn, law, dt = integral(), suit_adaptive(), 1e-3
     frozen = {"slope_inverse": 0.9, "bound": 0.3}
     found = linear_plant(worn, (BEND,), STROKE)
-    assert isinstance(found, OnArm)
     model = linearise(law, dt, width=worn.joint_encoder.resolution, estimates=frozen)
     by_hand = adaptive_model(law.gains, dt, *frozen.values())
-    for angle, taut, one in zip(found.angles, found.taut, found.margins(model), strict=True):
-        factor = float(slope_factor(BEND + worn.posture * angle, worn.sheath))
-        near = linear_suit(worn, angle, extensor=taut, slope_factor=factor)
+    for place, one in zip(found.places, found.margins(model), strict=True):
+        factor = float(slope_factor(BEND + worn.posture * place.angle, worn.sheath))
+        near = linear_suit(worn, place.angle, extensor=place.taut, slope_factor=factor)
         other = margins(StateSpace(near.a, near.b, near.joint, 0.0), by_hand, dt)
         assert one.largest_pole == pytest.approx(other.largest_pole, rel=1e-6)
         assert one.gain_margin_db == pytest.approx(other.gain_margin_db, rel=0.01)

@@ -110,22 +110,10 @@ def test_every_page_has_its_place_in_the_site_and_in_the_index() -> None:
     assert listed == pages - {"README.md"}
 
 
-@pytest.mark.parametrize(
-    ("pages", "most_pages", "most_words"),
-    [("README.md", 1, 500), ("docs/*.md", 25, 25_000), ("docs/background/*.md", 12, 20_000)],
-)
-def test_pages_are_few_and_short(pages: str, most_pages: int, most_words: int) -> None:
-    found = [path.read_text(encoding="utf-8").split() for path in ROOT.glob(pages)]
-    assert 0 < len(found) <= most_pages
-    assert sum(map(len, found)) <= most_words
-
-
-def test_decisions_are_numbered_without_gaps_and_short() -> None:
+def test_decisions_are_numbered_without_gaps() -> None:
     for number, path in enumerate(sorted((ROOT / "docs" / "decisions").glob("*.md")), 1):
-        text = path.read_text(encoding="utf-8")
         assert path.name.startswith(f"{number:04d}-")
-        assert text.startswith(f"# {number}. ")
-        assert len(text.split()) <= 400
+        assert path.read_text(encoding="utf-8").startswith(f"# {number}. ")
 
 
 def test_the_page_of_commands_is_current() -> None:

@@ -10,8 +10,8 @@ from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
+from bowden.export.files import FLAGS
 from bowden.export.modules import law_module
-from bowden.export.readme import FLAGS
 from bowden.plants.presets import paper
 from bowden.plants.presets.bench import default_bench
 from bowden.sim.run import simulate

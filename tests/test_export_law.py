@@ -14,7 +14,7 @@ from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
-from bowden.export.modules import law_module, prefix
+from bowden.export.modules import law_module
 from support.exported_c import COMPILER, Exported, bits
 from support.states import floated
 
@@ -79,8 +79,8 @@ def interpreted(law: Law, rows: Array) -> Array:
 def test_exported_law_gives_the_numbers_of_python(law: Law, tmp_path: Path) -> None:
     """To 1e-12; to the bit where the compiler has nothing of libm to work out, which it rounds in its own way."""
     rows = inputs(CYCLES)
-    name = prefix(law)
-    found = Exported(law_module(law, DT), "step", f"{name}_start(&state, &sample)", tmp_path).over(
+    module = law_module(law, DT)
+    found = Exported(module, "step", f"{module.prefix}_start(&state, &sample)", tmp_path).over(
         np.insert(rows[:, :-1], [3, 3], math.nan, axis=1)  # a joint with an encoder: no age, no deviation
     )
     compiled = np.empty_like(found)

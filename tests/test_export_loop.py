@@ -14,14 +14,17 @@ import pytest
 import bowden
 from bowden.core.signals import DriveState, Reference
 from bowden.cycle.one_cycle import Cycle, Plan, TargetSource
-from bowden.export.readme import FLAGS
+from bowden.export.files import FLAGS
 from bowden.hardware.ports import Power
 from bowden.live.row import NOTHING_READ
 from bowden.models.drive.thermal import cold
 from bowden.operations.export import limits_of
 from bowden.rig.counts import Counts, counts_of, joint_angle, motor_angle, motor_counts
+from bowden.rig.joint_sensor import motor_reach
+from bowden.rig.settings import JointSensor
 from bowden.safety.faults import Fault, Reaction
 from bowden.safety.state import Mode, Observed, PreflightResult, Request
+from bowden.sensing.joint_angle import track_start, track_step
 from loop_rig import twin_bench
 from support.simulated_drive import SimulatedDrive
 
@@ -29,6 +32,7 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compile
 DT = 1e-3
 LOW, HIGH, WAY = 0.1, 0.9, 1.5
 RIG = bowden.Rig(reference=bowden.MinimumJerk.periodic(LOW, HIGH, 2.0 * WAY), duration=6.0)
+SENSED = RIG.replace(joint_sensor=JointSensor(source="imu", stream="udp:5005", delay=0.0))
 REQUESTS = {5: Request.ARM, 800: Request.RUN}
 GIVEN = ("motor", "joint", "current", "drive_state", "request", "may_move", "preflight", "emg", "stopped", "wanted")
 TOLD = ("counts", "power", "joint", "motor", "position", "velocity", "acceleration", "requested", "source")
@@ -81,8 +85,8 @@ void cycle(const double *in, double lateness, double elapsed, double *out)
 class Board:
     """A bench of the twin behind an exported loop, which sees counts and says counts."""
 
-    def __init__(self, folder: Path, *, emg: bool = False) -> None:
-        bowden.export(RIG, folder, "adaptive", emg=emg)
+    def __init__(self, folder: Path, *, emg: bool = False, rig: bowden.Rig = RIG) -> None:
+        bowden.export(rig, folder, "adaptive", emg=emg)
         heard = "for (int i = 0; i < 2; ++i) if (given[7] == given[7]) loop_emg(0, given[7]);" if emg else ""
         (folder / "board.c").write_text(BOARD.replace("EMG", heard))
         sources = [*sorted(path.name for path in folder.glob("*.c") if path.name != "replay.c")]
@@ -275,6 +279,38 @@ def test_emg_that_falls_silent_stops_after_its_limit(tmp_path: Path) -> None:
     assert running * DT == pytest.approx(RIG.supervisor_limits.emg_age, abs=2 * DT)
     assert modes(silent)[1:] == [Mode.RELEASING, Mode.LATCHED]
     assert int(silent[-1]["verdict_faults"]) >> Fault.EMG_LOST & 1
+
+
+@pytest.fixture
+def estimating(tmp_path: Path) -> Board:
+    return Board(tmp_path / "code", rig=SENSED)
+
+
+def sensed(board: Board, true: float) -> dict[str, float]:
+    """What an IMU says in a cycle: every tenth the joint's angle, 2° noisy."""
+    noise = 2.0 * np.radians(np.random.default_rng(board.k).standard_normal())
+    return {"joint": true + noise if board.k % 10 == 0 else math.nan}
+
+
+def test_a_joint_without_an_encoder_is_followed_by_its_estimate(estimating: Board) -> None:
+    """It is the estimate of a live run, to the bit; a sensor that stops lets the joint down."""
+    reach, state = motor_reach(SENSED.supervisor_limits), track_start(SENSED.joint_model)
+    first, rows = {"motor": estimating.given["motor"], "joint": 0.0}, []
+    for k in range(7000):
+        true = estimating.drive.read(estimating.k * DT).joint
+        given = sensed(estimating, true) if k < 6000 else {"joint": math.nan}
+        told = estimating.step(REQUESTS.get(k, Request.NONE), **given)
+        for motor, value in ((first["motor"], first["joint"]), (estimating.given["motor"], given["joint"]))[k > 0 :]:
+            angle = motor_angle(estimating.encoders, motor)
+            state = track_step(SENSED.joint_model, reach, state, angle, 0.0, value, DT, DT)
+        if k < 6000:
+            assert told["joint"] == state.estimate.angle, k
+        rows.append({**told, "true": true})
+    led = np.array([[row["true"], row["position"]] for row in rows if row["source"] >= TargetSource.LAW_BEGINS])
+    assert len(led) > 4000
+    assert np.sqrt(np.mean((led[:, 0] - led[:, 1]) ** 2)) < np.radians(3.0)
+    assert modes(rows)[-2:] == [Mode.RUNNING, Mode.RELEASING]
+    assert int(rows[-1]["verdict_faults"]) >> Fault.JOINT_UNSURE & 1
 
 
 def test_without_emg_from_the_beginning_nothing_is_armed(tmp_path: Path) -> None:

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
-from bowden.core.nested import flat, unflatten_like
+from bowden.core.nested import flat, unflatten
 from bowden.core.signals import DriveReading
 from bowden.export.modules import emg_modules, safety_module
-from bowden.export.unit import Constant, Module, Public
+from bowden.export.unit import Module
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.faults import Fault, Reaction
 from bowden.safety.limits import Limits
@@ -111,7 +111,7 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
 def run_gate(limits: Limits, warmth: ThermalState, observed: Observed, rows: Array, out: Array) -> None:
     state = begin(limits, observed.reading, warmth)
     for k in range(len(rows)):
-        observed = unflatten_like(observed, rows[k, 1:])
+        observed = unflatten(observed, rows[k, 1:])
         if rows[k, 0] != 0.0:
             state = begin(limits, observed.reading, warmth)
         state, verdict = supervise(limits, state, observed, rows[k, -2], rows[k, -1])
@@ -154,9 +154,8 @@ def test_exported_gate_gives_the_bits_of_python(count: int, tmp_path: Path) -> N
 @pytest.mark.long
 def test_the_intent_of_two_muscles_that_overlap_gives_the_bits_of_python(tmp_path: Path) -> None:
     state, two = intent_start(0.0), IntentSettings(muscles=2)
-    begin_ = Public("start", intent_start, ("state",), "")
-    step = Public("step", intent_step, ("state", "reference"), "", {"settings": Constant(two)})
-    module = Module("intent", "", (begin_, step))
+    functions = {"start": (intent_start, "state"), "step": (intent_step, "state reference")}
+    module = Module("intent", "", functions, {"settings": (two, "")})
     time = np.arange(12000) * DT
     on = np.column_stack([time % 3.1 < 1.2, (time + 2.3) % 3.1 < 1.2])
     rows = np.column_stack([np.arange(12000) == 0, on, np.full(12000, DT)])

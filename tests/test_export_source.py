@@ -24,10 +24,9 @@ from bowden.core.kernel import compiled, cos, exp, floor, kernel, log, power, si
 from bowden.core.nested import flat
 from bowden.core.quantity import Quantity, texts_of
 from bowden.export.files import files
-from bowden.export.kinds import identifier
 from bowden.export.modules import begun, emg_modules, law_module, safety_module
 from bowden.export.source import origin
-from bowden.export.unit import Constant, Module, Public
+from bowden.export.unit import Module, identifier
 from bowden.safety.limits import Limits
 from bowden.sensing.envelope import PLAIN_THRESHOLD
 from support.exported_c import COMPILER, Exported, bits
@@ -123,9 +122,8 @@ EVERYTHING = everything, Memory((0.0,) * 4, Pair(0.0), Mode.OFF, False, 0, 0.0)
 
 def module_of_everything() -> Module:
     step, state = EVERYTHING
-    given = {"count": Constant(3), "state": state, "x": 0.0, "y": 0.0}
-    start = Public("start", begun, ("state",), "Before the first.", {"begin": Constant(state)})
-    return Module("all", "", (start, Public("step", step, ("state", "return"), "", given)))
+    functions = {"start": (begun, "state"), "step": (step, "state return")}
+    return Module("all", "", functions, {"count": (3, ""), "begin": (state, "")}, state)
 
 
 def test_a_constant_s_text_is_that_of_the_file_that_names_it_first(tmp_path: Path) -> None:

@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 
 import bowden
-from bowden.app.main import run
 from bowden.control import LAWS
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.hardware.ports import TorqueLeft
@@ -34,6 +33,7 @@ from bowden.operations.support.progress import reported
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
 from live_runs import SHARED_LIMITS, tries
+from support.command import Command
 
 T = np.arange(0.0, 20.0, 0.01)
 MOTOR = 0.5 * np.sin(2.0 * T)
@@ -364,13 +364,12 @@ def test_a_model_is_written_and_read(tmp_path: Path) -> None:
 
 
 def test_a_rig_of_a_cable_that_runs_backwards_is_the_one_that_init_writes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command
 ) -> None:
     monkeypatch.chdir(tmp_path)
     fit = bowden.identify(T, 1.0 - MOTOR, JOINT)
     fit.write("model.toml")
-    assert run(["init", "--model", "model.toml"]) == 0
-    printed = capsys.readouterr().out
+    printed = command("init --model model.toml").out
     made = bowden.init(fit)
     assert made.rig.hash == bowden.init(fit.best).rig.hash == bowden.init("model.toml").rig.hash
     assert made.rig.hash == bowden.Rig.read("rig.toml").hash

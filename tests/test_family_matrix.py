@@ -87,14 +87,14 @@ def test_a_load_cell_that_is_slow_or_cut_from_the_first_gets_no_run(missed: int,
 )
 def test_a_drive_tells_its_serial_number_where_its_family_has_one(name: str, serial: str) -> None:
     rig, bus, _ = played(name)
-    drive = open_drive(rig.drive_parameters, rig.load_cell, Links(bus))
+    drive = open_drive(rig.drive_parameters, rig.load_cell, Links(bus, bus))
     drive.bring_up()
     assert serial_of(drive) == serial
 
 
 def read(parameters: Any, bus: MemoryBus) -> DriveReading:
     """What a drive says without power after its bring-up; it is let go of."""
-    drive = family_of(parameters).open(parameters, Links(bus))
+    drive = family_of(parameters).open(parameters, Links(bus, bus))
     drive.bring_up()
     for _ in range(20):
         reading = drive.read(bus.time)
@@ -117,7 +117,7 @@ def test_drives_of_each_family_are_found_and_zeroed_without_power(name: str, hom
     family = family_of(parameters)
     assert family.probe is not None
     assert family.zeroed is not None
-    (device,) = family.probe(parameters, Links(bus))
+    (device,) = family.probe(parameters, Links(bus, bus))
     assert (device.node, device.state) == (1, "SWITCH_ON_DISABLED")
     wanted = family.zeroed(parameters, read(parameters, bus), 0.7, 0.3)
     again = read(wanted, bus)

@@ -234,7 +234,7 @@ def test_a_coefficient_that_no_cable_has_is_refused_and_any_other_moves_the_join
             taken += 1
             memory = cable.start(cable.prepared, 0.0, 1.0, 1.0)
             for before, after in itertools.pairwise(way):
-                memory = cable.advance(cable.prepared, memory, before, after, 1.0, 1.0, 1e-3)
+                memory = cable.advance(cable.prepared, memory, before, after, after - before, 1.0, 1e-3)
                 joint = cable.look(cable.prepared, memory, after, 1.0, 1.0).joint
                 assert np.isfinite(joint), (key, value)
     assert taken > len(usual)

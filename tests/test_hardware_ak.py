@@ -33,7 +33,7 @@ from bowden.hardware.drives.findings import INERT, LOST_RANGE
 from bowden.hardware.drives.on_can import require
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.plant import FOLLOW
+from bowden.hardware.twin.plant import FOLLOW, Look
 from bowden.live.live_run import require_joint
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
@@ -87,13 +87,6 @@ def test_an_order_of_servo_mode_to_a_board_v3_is_another_masters() -> None:
     loop = DriverLoop(V3).up()
     loop.put(EXTENDED | 0x401, bytes(4))
     assert sum(reading.foreign for reading in loop.run(2, Power.ON)) == 1.0
-
-
-def test_a_board_v3_that_tells_nothing_is_refused() -> None:
-    loop = DriverLoop(V3)
-    loop.inject("silence")
-    with pytest.raises(DriveError, match="no board V3 tells its state"):
-        loop.drive.bring_up()
 
 
 class Uploading:
@@ -192,9 +185,10 @@ class GivingWay(TwinBench):
             self.turned += self.speed * span
         self.clock = now
 
-    motor = property(lambda self: self.turned)  # type: ignore[assignment]
-    velocity = property(lambda self: self.speed)  # type: ignore[assignment]
-    current = property(lambda self: self.given / (9.0 * 0.091))  # type: ignore[assignment]
+    def look(self) -> Look:
+        if not hasattr(self, "clock"):
+            return super().look()
+        return super().look()._replace(motor=self.turned, velocity=self.speed, current=self.given / (9.0 * 0.091))
 
 
 def test_a_plant_whose_motor_gives_way_is_given_the_drives_torque_and_is_not_inert() -> None:
@@ -235,10 +229,11 @@ def test_a_position_that_has_gone_round_its_range_is_found_before_the_stiffness(
 
 
 @pytest.mark.parametrize(
-    ("fault", "said"), [("silence", "no drive replies as node 1"), ("joint_silence", "no joint's encoder answers")]
+    ("drive", "fault", "said"),
+    [(V3, "silence", "no board V3 tells its state"), (DRIVE, "joint_silence", "no joint's encoder answers")],
 )
-def test_who_does_not_answer_is_named(fault: str, said: str) -> None:
-    loop = DriverLoop(DRIVE)
+def test_who_does_not_answer_is_named(drive: AkParameters, fault: str, said: str) -> None:
+    loop = DriverLoop(drive)
     loop.inject(fault)
     with pytest.raises(DriveError, match=said):
         loop.drive.bring_up()
@@ -254,11 +249,6 @@ def test_a_drive_of_six_bytes_tells_no_error_and_is_refused() -> None:
 def given_rig(tmp_path: Any, more: str = "") -> Rig:
     (tmp_path / "rig.toml").write_text(ON_RIG + more)
     return Rig.read(tmp_path / "rig.toml")
-
-
-def test_a_rig_beyond_the_range_of_the_position_is_refused(tmp_path: Any) -> None:
-    with pytest.raises(ParameterError, match=r"within ±12\.3 rad"):
-        _ = given_rig(tmp_path, "[limits]\nmotor_high_deg = 800.0\n").drive_parameters
 
 
 def test_a_zero_that_a_restart_would_move_is_refused_on_a_real_bus(tmp_path: Any) -> None:

@@ -56,7 +56,7 @@ def test_a_drive_that_another_host_holds_is_not_touched(heard: bool) -> None:
         else "operation enabled; expected a drive without"
     )
     with pytest.raises(DriveError, match=said):
-        CanopenDrive(DRIVE, Links(bus)).bring_up()
+        CanopenDrive(DRIVE, Links(bus, bus)).bring_up()
     assert bus.node.state is DriveState.OPERATION_ENABLED
     assert bus.node.nmt == frames.OPERATIONAL
     assert "torque_off" not in [event for _, event, _ in bus.journal]
@@ -65,7 +65,7 @@ def test_a_drive_that_another_host_holds_is_not_touched(heard: bool) -> None:
 def test_a_node_that_an_end_has_stopped_is_woken() -> None:
     bus = DriverLoop(DRIVE)
     for _ in range(2):
-        drive = CanopenDrive(DRIVE, Links(bus))
+        drive = CanopenDrive(DRIVE, Links(bus, bus))
         drive.bring_up()
         assert bus.node.nmt == frames.OPERATIONAL
         drive.close()

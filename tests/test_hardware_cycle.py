@@ -14,12 +14,12 @@ from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import MOST_DUE, CanopenDrive
 from bowden.hardware.drives.checklist import Found
-from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, motor_scale
-from bowden.hardware.drives.scale import motor_limits
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale
+from bowden.hardware.drives.scale import motor_limits, motor_scale
 from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.injection import parse
-from bowden.identify.servo.fit import identify_servo
+from bowden.identify.servo import identify_servo
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import ServoState, prepare, servo_step
 from support.memory_bus import DriverLoop, bench_at

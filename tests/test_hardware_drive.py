@@ -10,11 +10,10 @@ import pytest
 from bowden.core.errors import DriveError
 from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.drives.findings import UNWATCHED
 from bowden.hardware.drives.on_can import zeroed
-from bowden.hardware.ports import Drive, Power
+from bowden.hardware.ports import Power
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import KINDS
 from support.memory_bus import DriverLoop
@@ -31,14 +30,6 @@ def brought_up(drive: DriveParameters = DRIVE, overrides: Any = None) -> DriverL
 def torque_off_after(loop: DriverLoop) -> float:
     """From the host's last heartbeat on [s]."""
     return float(next(time for time, event, _ in loop.journal if event == "torque_off") - loop.node.host)
-
-
-def test_it_is_a_drive() -> None:
-    drive: Drive = CanopenDrive(DRIVE)
-    drive.write(0.0, Power.OFF, 0.0)
-    assert math.isnan(drive.read(0.0).motor)
-    drive.close()
-    drive.close()
 
 
 def test_bring_up_says_who_it_is_and_leaves_no_thread() -> None:
@@ -130,30 +121,6 @@ def test_a_quick_stop_brakes_and_then_is_off() -> None:
     assert DriveState.QUICK_STOP_ACTIVE in [int(one.drive_state) for one in loop.run(51, Power.QUICK_STOP)]
     assert loop.node.state is DriveState.SWITCH_ON_DISABLED
     assert loop.node.bench.velocity == 0.0
-
-
-@pytest.mark.parametrize("phase", range(8))
-def test_without_our_heartbeat_the_torque_is_zero_in_time(phase: int) -> None:
-    loop = DriverLoop(DRIVE).up()
-    loop.run(60 + phase, Power.ON, target=1.0)
-    loop.advance(0.2)
-    node = loop.node
-    assert node.state is DriveState.FAULT
-    assert node.error == 0x8130
-    assert node.bench.current == 0.0
-    assert 0.020 <= torque_off_after(loop) <= 0.050
-
-
-def test_after_a_fault_is_reset_the_power_comes_back_only_once_it_was_wanted_off() -> None:
-    loop = DriverLoop(DRIVE).up()
-    loop.advance(0.2)
-    loop.run(2, Power.ON)
-    loop.drive.reset_fault()
-    loop.run(20, Power.ON)
-    assert loop.node.state is DriveState.SWITCH_ON_DISABLED
-    loop.run(2, Power.OFF)
-    loop.run(10, Power.ON)
-    assert loop.node.state is DriveState.OPERATION_ENABLED
 
 
 @pytest.mark.parametrize("option", [2, 3])

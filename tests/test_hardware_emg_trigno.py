@@ -29,7 +29,7 @@ from bowden.hardware.emg.trigno_protocol import (
     columns_of,
     rate_of,
 )
-from bowden.hardware.emg.trigno_server import TrignoServer, frames_of, read_faults
+from bowden.hardware.emg.trigno_server import TrignoServer, read_faults
 from bowden.hardware.ports import EmgChunk
 from bowden.identify.emg.log import read_emg
 from bowden.sensing.stream import OnsetDetector
@@ -299,9 +299,3 @@ def test_channels_and_rates_that_are_not_there_are_one_line() -> None:
         TrignoStream(address).open()
     with pytest.raises(StreamError, match="17 channels; expected at most 16 sensors"):
         TrignoServer(counter(1.0, 17), RATE)
-
-
-def test_a_recording_becomes_whole_frames_in_volts() -> None:
-    frames = frames_of(np.full((60, 2), 3.0), 27)
-    assert [len(frame) for frame in frames] == [27 * 64] * 2
-    assert np.frombuffer(frames[0], "<f4").reshape(-1, 16)[5, :3] == pytest.approx([3e-3, 3e-3, 0.0])

@@ -6,13 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bowden.core.errors import ParameterError
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.families.cia402 import FAMILY, DriveParameters, joint_scale, motor_scale
-from bowden.hardware.drives.on_can import require
-from bowden.hardware.drives.scale import Scale
+from bowden.hardware.drives.families.cia402 import FAMILY, DriveParameters, joint_scale
+from bowden.hardware.drives.scale import motor_scale
 from bowden.rig.families import DriveNeeds
-from support.memory_bus import asking
 
 I16, I32, U16 = st.integers(-(2**15), 2**15 - 1), st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**16 - 1)
 
@@ -69,49 +66,6 @@ def test_counts_and_angles_go_there_and_back(
     for scale in (motor_scale(drive, at_home), joint_scale(drive, at_home)):
         assert round(scale.counts(scale.angle(counts))) == counts
         assert math.isclose(scale.angle(at_home), home, abs_tol=1e-6)
-
-
-def test_a_turn_of_the_spool_is_a_gear_of_the_motor() -> None:
-    drive = DriveParameters(
-        motor_counts_per_turn=1000.0, needs=DriveNeeds(gear=4.0), motor_direction=-1, motor_home=0.5
-    )
-    assert motor_scale(drive) == Scale(-2.0 * math.pi / 4000.0, 0.5)
-    assert math.isclose(motor_scale(drive).angle(-4000), 0.5 + 2.0 * math.pi)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"node_id": 0},
-        {"node_id": 127},
-        {"host_id": 1},
-        {"gear": 0.0},
-        {"gear": math.nan},
-        {"motor_direction": 0},
-        {"joint_direction": 2},
-        {"motor_counts_per_turn": math.inf},
-        {"joint_counts_per_turn": -1.0},
-        {"motor_home": math.nan},
-        {"sample_time": 0.0005},
-        {"sample_time": 0.0015},
-        {"heartbeat_timeout": 0.05},
-        {"heartbeat_time": 0.02},
-        {"lowest_motor": 1.0, "highest_motor": 0.0},
-        {"torque_constant": 0.0},
-        {"tension_scale": math.inf},
-        {"current_limit": -1.0},
-    ],
-    ids=str,
-)
-def test_parameters_that_make_no_sense_are_refused_by_name(wrong: dict[str, float]) -> None:
-    with pytest.raises(ParameterError, match="drive: ") as refused:
-        require(asking(DriveParameters(), **wrong))
-    keys = {"highest_motor": "motor_high_deg", "tension_scale": "tension_n_per_mv", "heartbeat_time": "heartbeat_ms"}
-    assert any(keys.get(name, name) in str(refused.value) for name in ("highest_motor", *wrong))
-
-
-def test_the_defaults_make_sense() -> None:
-    require(DriveParameters())
 
 
 def test_the_watch_of_a_slow_loop_follows_its_cycle_and_may_be_longer_than_one_that_is_written() -> None:

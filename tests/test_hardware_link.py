@@ -123,8 +123,8 @@ class Talkative(can.BusABC):
 
 def test_heartbeats_of_others_do_not_make_the_listening_longer_and_what_waits_at_its_end_counts() -> None:
     def conversation(bus: Talkative) -> Conversation:
-        port = Links(bus).join(PLACE, "node 1", lambda _: True)
-        return Conversation(port, 1, lambda identifier, _: identifier == 0x001, clock=bus)
+        port = Links(bus, bus).join(PLACE, "node 1", lambda _: True)
+        return Conversation(port, 1, lambda identifier, _: identifier == 0x001)
 
     bus = Talkative()
     conversation(bus).listen(1.0)

@@ -49,7 +49,7 @@ class Cell(DriverLoop):
         super().__init__(AkParameters(answer_timeout=0.05))
         self.plant = self.node.bench
         self.attach(LoadCellNode(cell, self.plant, self.node.faults, self.put, overrides))
-        links = Links(self)
+        links = Links(self, self)
         self.drive = DriveWithLoadCell(AkDrive(self.node._drive, links), cell, PLACE, links, 0.05, shared=True)
 
     def last(self, cycles: int, power: Power = Power.OFF, target: float = 0.1) -> DriveReading:
@@ -119,23 +119,9 @@ def test_the_ends_of_its_range_are_too_much_or_none() -> None:
     assert torque.last(20).joint_torque <= -29.9
 
 
-def test_stuck_turned_and_drifting_cells_say_so_in_their_readings() -> None:
-    loop = Cell()
-    loop.drive.bring_up()
-    before = loop.last(100, Power.ON, 0.1).tension
-    loop.inject("load_stuck")
-    assert loop.last(300, Power.ON, 0.5).tension == before < loop.plant.tension - 1.0
-    loop.node.faults.clear()
-    loop.inject("load_sign")
-    assert loop.last(5, Power.ON, 0.5).tension == pytest.approx(-loop.plant.tension, abs=0.02)
-    loop.node.faults.clear()
-    loop.inject("load_drift 10")
-    assert loop.last(1001, Power.ON, 0.5).tension == pytest.approx(loop.plant.tension + 10.0, abs=0.1)
-
-
 def test_what_a_device_calls_invalid_or_an_emergency_is_none() -> None:
     cell = LoadCellReader(NODE, 0.1)
-    cell._health.begin()
+    cell._began(operational=True)
     data = (2250).to_bytes(4, "little", signed=True)
     cell.take(frames.TPDO1 + 33, data + b"\0", 1.0)
     assert cell.value(1.0) == 20.0
@@ -158,7 +144,7 @@ def test_what_a_device_calls_invalid_or_an_emergency_is_none() -> None:
 def test_no_frame_makes_more_than_its_number(identifier: int, data: bytes) -> None:
     for given_ in (NODE, PLAIN, NODE._replace(measures="torque")):
         cell = LoadCellReader(given_, 0.1)
-        cell._health.begin()
+        cell._began(operational=True)
         cell.take(identifier, data, 1.0)
         value = cell.value(1.0)
         assert math.isnan(value) or abs(value) <= max(abs(given_.value(end)) for end in given_.ends)
@@ -180,12 +166,12 @@ def test_what_is_no_measuring_device_is_refused_in_one_line(overrides: dict[Key,
 def test_nobody_there_and_frames_too_short_are_told() -> None:
     loop = Cell(PLAIN)
     absent = DriveWithLoadCell(
-        loop.drive._drive, PLAIN._replace(identifier=0x1F3), PLACE, Links(loop), 0.05, shared=True
+        loop.drive._drive, PLAIN._replace(identifier=0x1F3), PLACE, Links(loop, loop), 0.05, shared=True
     )
     absent._drive = _Nothing()  # type: ignore[assignment]
     with pytest.raises(DriveError, match=r"no frame 1F3h .* there is 1F0h"):
         absent.bring_up()
-    port = Links(loop).join(PLACE, "a", lambda _: True)
+    port = Links(loop, loop).join(PLACE, "a", lambda _: True)
     for _ in range(5):
         loop.put(0x1F1, b"\1\2")
     with pytest.raises(DriveError, match="have 2 bytes"):
@@ -300,7 +286,7 @@ def test_a_rig_keeps_its_cell_and_one_without_is_as_it_was() -> None:
 def test_a_cell_on_a_bus_of_its_own_counts_its_errors_and_other_masters() -> None:
     loop, own = Cell(), MemoryBus()
     own.attach(LoadCellNode(NODE, loop.plant, loop.node.faults, own.put))
-    cell = DriveWithLoadCell(_Still(), NODE, PLACE, Links(own), 0.05, shared=False)
+    cell = DriveWithLoadCell(_Still(), NODE, PLACE, Links(own, own), 0.05, shared=False)
     cell.bring_up()
     cell.write(0.0, Power.OFF, own.time)
     assert cell.read(own.time).tension == pytest.approx(loop.plant.tension, abs=0.02)

@@ -13,10 +13,10 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.families.moteus import MoteusParameters, command_of, motor_scale
+from bowden.hardware.drives.families.moteus import MoteusParameters, command_of
 from bowden.hardware.drives.moteus_drive import MoteusDrive
 from bowden.hardware.drives.moteus_frames import NumberKind, Register
-from bowden.hardware.drives.scale import motor_limits
+from bowden.hardware.drives.scale import motor_limits, motor_scale
 from bowden.hardware.ports import Power
 from bowden.rig.rig import Rig
 from support.memory_bus import DriverLoop
@@ -95,8 +95,9 @@ def test_boards_with_a_prefix_are_heard_by_hosts_with_the_same_one_alone() -> No
     assert bus.drive.read(bus.time).foreign == 0.0
     bus.put(0x0123_8001 | EXTENDED, b"\x01\x00\x0a")
     assert bus.drive.read(bus.time).foreign == 1.0
+    other = Bench(drive)
     with pytest.raises(DriveError, match="no moteus board answers as node 1"):
-        MoteusDrive(DRIVE, Links(Bench(drive))).bring_up()
+        MoteusDrive(DRIVE, Links(other, other)).bring_up()
 
 
 def test_a_command_never_leads_out_of_the_rigs_range_should_it_be_the_last() -> None:

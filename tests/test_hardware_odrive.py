@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
 from bowden.core.signals import EMERGENCY_STOP, DriveState
-from bowden.hardware.drives import odrive_drive, odrive_endpoints
+from bowden.hardware.drives import odrive_endpoints
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.families.odrive import FAMILY, OdriveParameters, target_of
 from bowden.hardware.drives.odrive_drive import OdriveDrive
-from bowden.hardware.drives.odrive_frames import ERRORS, UNTOLD, Cmd, Scales, Target, code_of, identifier_of
-from bowden.hardware.drives.scale import motor_limits
+from bowden.hardware.drives.odrive_frames import ERRORS, UNTOLD, Cmd, Target, code_of, identifier_of
+from bowden.hardware.drives.scale import motor_limits, motor_scale
 from bowden.hardware.ports import Power
 from bowden.rig.rig import Rig
 from support.memory_bus import DriverLoop, asking
@@ -24,7 +24,7 @@ RIG = Rig(drive=OdriveParameters())
 WITH_JOINT = RIG.drive_parameters._replace(answer_timeout=0.1)
 DRIVE = WITH_JOINT._replace(joint="none")
 ENABLED, IDLE = DriveState.OPERATION_ENABLED, DriveState.SWITCH_ON_DISABLED
-SCALES = Scales(1000.0, 1000.0)
+SCALES = 1000.0, 1000.0
 
 
 @given(st.floats(-1000, 1000, width=32), st.floats(-32.7, 32.7), st.floats(-32.7, 32.7))
@@ -116,7 +116,7 @@ def test_the_makers_list_is_found_from_the_rigs_file(tmp_path: Path, monkeypatch
 
 
 def test_a_target_never_asks_for_more_speed_or_torque_than_the_rig() -> None:
-    limits = motor_limits(DRIVE, odrive_drive.motor_scale(DRIVE))
+    limits = motor_limits(DRIVE, motor_scale(DRIVE))
     drive = asking(DRIVE, torque_offset=0.1)
     for before in (-5.0, 0.0, 0.0999, 5.0, math.nan):
         target = target_of(drive, limits, 0.1, before, 1e6)

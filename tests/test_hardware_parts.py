@@ -10,7 +10,6 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_sensor import MOST_SILENCE
-from bowden.hardware.drives.driver import Readings
 from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.findings import INERT, InertWatch
 from bowden.hardware.drives.joint_encoder import JointEncoder, check_beside
@@ -31,14 +30,8 @@ def test_a_limited_range_is_followed_over_its_ends(moves: list[float], start: fl
     for move in moves:
         true += move
         shown = (true + 12.5) % 25.0 - 12.5
+        assert math.isnan(turns.follow(math.nan))  # which changes no turn
         assert turns.follow(shown) == pytest.approx(true, abs=1e-9)
-
-
-def test_a_value_that_is_none_changes_no_turn() -> None:
-    turns = LimitedRange(25.0)
-    turns.follow(12.4)
-    assert math.isnan(turns.follow(math.nan))
-    assert turns.follow(-12.4) == pytest.approx(12.6)
 
 
 @given(st.floats(-100.0, 100.0), st.floats(0.01, 10.0), st.floats(-100.0, 100.0))
@@ -58,28 +51,6 @@ def test_an_inert_motor_is_seen_within_fifty_milliseconds_and_one_that_turns_or_
     assert INERT < 65536
 
 
-def test_readings_are_made_of_replies() -> None:
-    readings = Readings()
-    readings.cycle(10.0)
-    first = readings.reading(10.0, DISABLED, 0.0)
-    assert math.isnan(first.motor)
-    assert (first.heartbeat_age, first.motor_age, first.emergency) == (0.0, math.inf, 0.0)
-    readings.cycle(10.001)
-    readings.replied_at = 10.001
-    readings.moved(0.5, 2.0, 30.0, 10.0)
-    readings.failed(4)
-    readings.failed(4)
-    readings.foreign += 1.0
-    second = readings.reading(10.001, DriveState.FAULT, 1.0)
-    assert second.motor == 0.5
-    assert (second.motor_age, second.joint_age, second.emergency, second.foreign) == (0.0, math.inf, 4.0, 1.0)
-    assert second.sample_age == pytest.approx(0.001)
-    readings.cycle(10.011)
-    third = readings.reading(10.011, DriveState.FAULT, 1.0)
-    assert (third.motor_age, third.emergency, third.foreign) == (1.0, 0.0, 0.0)
-    assert third.heartbeat_age == pytest.approx(0.01)
-
-
 ENCODER = OdriveParameters(joint_home=0.1, answer_timeout=0.2)
 
 
@@ -94,7 +65,7 @@ def encoder_on(given_: OdriveParameters, overrides: object = None) -> tuple[Join
 
 def taken(encoder: JointEncoder, bus: MemoryBus) -> list[float]:
     """What the encoder makes of all frames that there are."""
-    found = [encoder.read(message.arbitration_id, bytes(message.data), bus.time) for message in bus.drain()]
+    found = [encoder.take(message.arbitration_id, bytes(message.data), bus.time) for message in bus.drain()]
     return [angle for angle in found if angle is not None]
 
 
@@ -180,21 +151,21 @@ def test_an_encoder_in_an_emergency_or_without_its_heartbeat_tells_nothing() -> 
     taken(encoder, bus)
     reading = (frames.TPDO1 + 32, (4096).to_bytes(4, "little"))
     now = bus.time
-    assert encoder.read(*reading, now) is not None
-    encoder.read(frames.EMERGENCY + 32, frames.pack_emergency(0x1000, 1), now)
-    assert encoder.read(*reading, now) is None
-    encoder.read(frames.EMERGENCY + 32, frames.pack_emergency(0, 0), now)
-    assert encoder.read(*reading, now) is not None
-    assert encoder.read(*reading, now + 2.0 * MOST_SILENCE) is None
-    encoder.read(frames.HEARTBEAT + 32, bytes((frames.PRE_OPERATIONAL,)), now + 2.0 * MOST_SILENCE)
-    assert encoder.read(*reading, now + 2.0 * MOST_SILENCE) is None
+    assert encoder.take(*reading, now) is not None
+    encoder.take(frames.EMERGENCY + 32, frames.pack_emergency(0x1000, 1), now)
+    assert encoder.take(*reading, now) is None
+    encoder.take(frames.EMERGENCY + 32, frames.pack_emergency(0, 0), now)
+    assert encoder.take(*reading, now) is not None
+    assert encoder.take(*reading, now + 2.0 * MOST_SILENCE) is None
+    encoder.take(frames.HEARTBEAT + 32, bytes((frames.PRE_OPERATIONAL,)), now + 2.0 * MOST_SILENCE)
+    assert encoder.take(*reading, now + 2.0 * MOST_SILENCE) is None
     bus.close()
 
 
 @given(st.integers(0, 0x7FF), st.binary(max_size=8))
 @settings(max_examples=300, deadline=None)
 def test_no_frame_breaks_the_encoder(identifier: int, data: bytes) -> None:
-    angle = JointEncoder(ENCODER).read(identifier, data, 1.0)
+    angle = JointEncoder(ENCODER).take(identifier, data, 1.0)
     assert angle is None or math.isfinite(angle)
 
 

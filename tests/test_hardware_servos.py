@@ -5,6 +5,7 @@ import os
 import random
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,9 +21,10 @@ from bowden.hardware.buses.serial_bus import SerialBus, port_of
 from bowden.hardware.drives.families.dynamixel import FAMILY, MODELS, DynamixelParameters
 from bowden.hardware.drives.families.feetech import FeetechParameters
 from bowden.hardware.drives.findings import JOINT_SERVO
-from bowden.hardware.drives.on_can import require
-from bowden.hardware.drives.servo_table import ServoRegister, cycle_time
+from bowden.hardware.drives.on_can import collision, require
+from bowden.hardware.drives.servo_table import ADAPTER, ServoRegister, cycle_time
 from bowden.hardware.ports import Power
+from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 from support.memory_bus import DriverLoop, MemoryBus, asking, bench_at
 from support.played import Played
@@ -62,7 +64,7 @@ def test_packets_are_those_of_robotis(sdk: Any) -> None:
 
 
 def test_models_and_addresses_are_those_of_robotis(sdk: Any) -> None:
-    from dynamixel_easy_sdk.control_table import ControlTable
+    from dynamixel_easy_sdk.control_table import CONTROL_TABLE_PATH, ControlTable
 
     for name, table in MODELS.items():
         assert ControlTable.getModelName(table.model).removesuffix(".model") == name.lower().replace("-", "_")
@@ -70,6 +72,19 @@ def test_models_and_addresses_are_those_of_robotis(sdk: Any) -> None:
         for register, own in table.registers.items():
             assert (theirs[register].address, theirs[register].size) == own[:2], f"{name}: {register}"
         assert table.indirect == (theirs["Indirect Address 1"].address, theirs["Indirect Data 1"].address)
+        later = Path(CONTROL_TABLE_PATH) / f"{name.lower().replace('-', '_')}_fw52.model"
+        moved = table.of(52).indirect
+        assert moved
+        assert later.is_file() == (moved != table.indirect)
+        assert not later.is_file() or f"\n{moved[1]}\t1\tIndirect Data 1\n" in later.read_text(encoding="utf-8")
+
+
+def test_a_servo_whose_firmware_shows_its_values_elsewhere_is_read_there() -> None:
+    drive = DRIVE._replace(model="XL330-M288", joint="none")
+    for firmware, address in ((48, 224), (52, 208)):
+        loop = DriverLoop(drive, {6: firmware}).up()
+        assert {loop.node._own.table.packets.asked(data)[0] for _, _, data in loop.sent if data[0] == 0x8A} == {address}
+        assert abs(loop.run(5, Power.ON)[-1].motor - loop.node.bench.motor) < 0.01
 
 
 @pytest.mark.parametrize("packets", [DYNAMIXEL, FEETECH])
@@ -119,6 +134,15 @@ def test_a_servo_on_the_joint_that_does_more_than_measure_ends_the_run(drive: An
     assert "servo on the joint" in FAMILY.explain(JOINT_SERVO)
 
 
+@pytest.mark.parametrize("drive", [DRIVE, FEETECH_DRIVE])
+def test_a_servo_on_the_joint_that_is_silent_leaves_an_angle_that_ages(drive: Any) -> None:
+    loop = DriverLoop(drive).up()
+    loop.run(3, Power.ON)
+    loop.inject("joint_silence")
+    last = loop.run(9, Power.ON)[-1]
+    assert (last.joint_age > 5.0, last.motor_age < 2.0) == (True, True)
+
+
 def test_two_servos_of_one_number_are_refused() -> None:
     loop = DriverLoop(DRIVE)
     loop.attach(FAMILY.node()(DRIVE, bench_at(loop.time), loop.put, loop.note))
@@ -138,10 +162,39 @@ def test_the_angle_after_power_off_is_the_one_before(home: str) -> None:
     assert math.isclose(loop.run(9, Power.OFF)[-1].motor, before, abs_tol=0.02)
 
 
-def test_a_chain_is_slower_than_one_servo_and_quicker_at_more_bits_a_second() -> None:
-    for rate in (1_000_000, 3_000_000):
-        assert cycle_time([DRIVE._replace(bitrate=rate)] * 6) > cycle_time([DRIVE._replace(bitrate=rate)])
-    assert cycle_time([DRIVE] * 6) > cycle_time([DRIVE._replace(bitrate=3_000_000)] * 6)
+def on_one_line(drives: list[Any]) -> tuple[MemoryBus, list[Any]]:
+    """Servos and their drivers after cycles without power and with it; the frames of the last one still wait."""
+    bus, family = MemoryBus(), family_of(drives[0])
+    for drive in drives:
+        bus.attach(family.node()(drive, bench_at(bus.time), bus.put, bus.note))
+    links = Links(bus, bus)
+    opened = [family.open(drive, links) for drive in drives]
+    for one in opened:
+        one.bring_up()
+    for power in [Power.OFF] * 9 + [Power.ON] * 20:
+        bus.advance(5e-3)
+        bus.sent.clear()
+        angles = [one.read(bus.time).motor for one in opened]
+        for one, angle in zip(opened, angles, strict=True):
+            one.write(angle, power, bus.time)
+    return bus, opened
+
+
+@pytest.mark.parametrize(
+    ("drive", "bitrate"),
+    [(DRIVE, 1_000_000), (DRIVE, 3_000_000), (FEETECH_DRIVE, 1_000_000)],
+    ids=["1 Mbit/s", "3 Mbit/s", "Feetech"],
+)
+def test_six_servos_take_the_time_that_is_said(drive: Any, bitrate: int) -> None:
+    """The bytes that go over the line in a cycle, ten bits each."""
+    packets = drive.table.packets
+    chain = [drive._replace(node_id=n, joint="none", bitrate=bitrate) for n in range(1, 7)]
+    bus, _ = on_one_line(chain)
+    said = [(one.arbitration_id, bytes(one.data)) for one in bus.drain()]
+    assert len(said) == len(chain)
+    told = [fast_answer(said)] if packets.fast else [packets.pack(*one) for one in said]
+    count = sum(map(len, (*told, *(packets.pack(number, data) for _, number, data in bus.sent))))
+    assert cycle_time(chain) == pytest.approx(10.0 * count / bitrate + ADAPTER, rel=0.01)
 
 
 def test_a_range_of_more_than_a_turn_needs_a_hint() -> None:
@@ -149,25 +202,18 @@ def test_a_range_of_more_than_a_turn_needs_a_hint() -> None:
 
 
 def test_two_motors_on_a_line_share_one_write_and_one_question() -> None:
-    bus = MemoryBus()
-    drives = [DRIVE, DRIVE._replace(node_id=3, joint="none")]
-    for drive in drives:
-        bus.attach(FAMILY.node()(drive, bench_at(bus.time), bus.put, bus.note))
-    links = Links(bus)
-    both = [FAMILY.open(drive, links) for drive in drives]
-    for one in both:
-        one.bring_up()
-    for power in [Power.OFF] * 9 + [Power.ON] * 20:
-        bus.sent.clear()
-        angles = [one.read(bus.time).motor for one in both]
-        for one, angle in zip(both, angles, strict=True):
-            one.write(angle, power, bus.time)
-        bus.advance(5e-3)
+    bus, both = on_one_line([DRIVE, DRIVE._replace(node_id=3, joint="none")])
     goals, question = (data for _, _, data in bus.sent)
     assert goals == DYNAMIXEL.sync_write(116, 4) + goals[5:]
     assert (goals[5], goals[10]) == (1, 3)
     assert question == DYNAMIXEL.sync_read(224, 10, fast=True) + bytes((1, 2, 3))
     assert all(one.read(bus.time).foreign == 0.0 for one in both)
+
+
+def test_servos_that_one_question_cannot_ask_need_lines_of_their_own() -> None:
+    other = DRIVE._replace(node_id=3, joint_node_id=4)
+    assert collision(DRIVE, other) == ""
+    assert "have what a cycle reads elsewhere" in collision(DRIVE, other._replace(model="PH54-200-S500"))
 
 
 def test_a_servo_that_hears_nothing_holds_with_torque() -> None:

@@ -11,9 +11,9 @@ from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import NOTHING_OBSERVED
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, motor_scale
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale
 from bowden.hardware.drives.on_can import zeroed
-from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.drives.scale import Scale, SuitScale, motor_scale
 from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.canopen_node import RATED_CURRENT
 from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF
@@ -36,10 +36,10 @@ def twin(suit: Suit = SUIT, motor: float = 0.0) -> TwinSuit:
 
 
 def run(suit: TwinSuit, begin: float, seconds: float, doing: int, command: float = 0.0) -> float:
-    """On from `begin`, a millisecond a call; the time after it [s]."""
+    """On from `begin`, five milliseconds a call; the time after it [s]."""
     suit.doing, suit.command = doing, command
-    for k in range(1, round(1e3 * seconds) + 1):
-        suit.advance(begin + 1e-3 * k)
+    for k in range(1, round(200.0 * seconds) + 1):
+        suit.advance(begin + 5e-3 * k)
     return begin + seconds
 
 
@@ -150,8 +150,8 @@ def test_a_wearer_swings_with_the_scenario_and_keeps_still_before_it_and_without
     def span(begin: float, doing: int) -> tuple[float, float]:
         """Where the elbow was in the 2 s from then on, and the time after them [s]."""
         seen, suit.doing, suit.command = [], doing, 0.8
-        for k in range(1, 2001):
-            suit.advance(begin + 1e-3 * k)
+        for k in range(1, 401):
+            suit.advance(begin + 5e-3 * k)
             seen.append(suit.joint)
         return max(seen) - min(seen), begin + 2.0
 

@@ -114,12 +114,10 @@ def test_a_node_of_classic_can_hears_its_frames_between_those_of_can_fd_and_send
             one.send(long)
             one.send(frame(0x100 + i, b"\1"))
         assert heard(classic) == [0x100 + i for i in range(40)]
-        assert classic.skipped == 40
         assert len(heard(two)) == 80
         for _ in range(200):
             one.send(long)
-        assert classic.take() is None  # and looks at no more than it may in one go
-        assert classic.skipped < 200
+        assert classic.take() is None
         with pytest.raises(can.CanOperationError, match="classic CAN"):
             classic.send(long)
         classic.send(frame(5))
@@ -135,15 +133,14 @@ def test_an_interface_of_classic_can_is_refused_where_can_fd_is_asked_for(monkey
     assert "bitrate 1000000 dbitrate 5000000 fd on" in str(refused.value)
 
 
-def test_who_does_not_read_is_counted_and_never_waited_for(tmp_path: Path) -> None:
+def test_who_does_not_read_is_never_waited_for(tmp_path: Path) -> None:
     with UnixBus(tmp_path) as one, UnixBus(tmp_path) as deaf, UnixBus(tmp_path) as two:
         got = 0
         for i in range(3000):
             one.send(frame(i % 0x7FF))
             got += len(heard(two))
         assert got == 3000
-        assert one.undelivered + len(heard(deaf)) == 3000
-        assert one.undelivered > 0
+        assert 0 < len(heard(deaf)) < 3000
 
 
 def test_what_a_node_said_before_it_left_is_heard(tmp_path: Path) -> None:
@@ -165,7 +162,6 @@ def test_alone_nobody_acknowledges(tmp_path: Path) -> None:
         with UnixBus(tmp_path) as two:
             one.send(frame(2))
             assert heard(two) == [2]
-            assert one.others == 1
         with pytest.raises(can.CanOperationError):
             one.send(frame(3))
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from bowden.core.units import DEGREES
-from bowden.identify.cable import bouc_wen_search, projection
+from bowden.identify.cable import bouc_wen, projection
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.identification import identify
 from bowden.identify.log.read import read_log
@@ -33,7 +33,7 @@ def fits(shared_data: Path) -> Iterator[dict[str, tuple[Fit, int]]]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(projection, "reduced_problem", counting(projection.reduced_problem))
-        patch.setattr(bouc_wen_search, "compiled", counting(bouc_wen_search.compiled))
+        patch.setattr(bouc_wen, "compiled", counting(bouc_wen.compiled))
         found = {}
         for path in logs:
             before = evaluations[0]

@@ -11,7 +11,7 @@ from bowden.core.errors import ParameterError
 from bowden.design.rig_of_model import with_stroke
 from bowden.plants.counting import Counting, Covered, Encoders, covered_by
 from bowden.plants.identified import CableModel, IdentifiedCable, cable_text, load_cable
-from bowden.plants.recounted import recounted
+from bowden.plants.recounted import recalibrated, recounted
 from bowden.plants.trust import Trust
 from bowden.rig.rig import Rig
 from support.cable_models import MODELS
@@ -27,6 +27,13 @@ def test_a_recounted_model_is_the_same_cable(name: str, counting: Counting) -> N
     after = CableModel(name, recounted(name, MODELS[name], counting)).joint_angle(motor)
     assert np.ptp(before) > 0.3
     assert np.allclose(after, before - counting.joint_zero, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_recalibrated_model_is_gain_times_the_old_one_and_an_offset(name: str) -> None:
+    old = CableModel(name, MODELS[name]).joint_angle(MOTION)
+    new = CableModel(name, recalibrated(MODELS[name], 1.05, -0.2)).joint_angle(MOTION)
+    assert np.allclose(new, 1.05 * old - 0.2, rtol=0.0, atol=1e-12)
 
 
 def test_a_cable_that_is_no_logs_has_no_other_zeros() -> None:

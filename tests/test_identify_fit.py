@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 import bowden
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.units import DEGREES
-from bowden.identify.cable import settling as settling_module
-from bowden.identify.cable.family import Estimate
+from bowden.identify.cable import identification
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.forecast import forecast
-from bowden.identify.cable.generalised import GeneralisedPlay
+from bowden.identify.cable.fitted import forecast
+from bowden.identify.cable.generalised import fit_branches, rough_branches
 from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.plays import PrandtlIshlinskii
-from bowden.identify.cable.settling import Settling, settling
+from bowden.identify.cable.plays import fit_stack
+from bowden.identify.cable.projection import Estimate
 from bowden.identify.cable.turns import find_turns
 from bowden.identify.cable.validation import folds, simplest_of_the_best
 from bowden.models.cable.bouc_wen import BoucWen, joint_angle
@@ -185,12 +184,12 @@ def test_the_final_model_holds_where_the_second_half_reaches_further() -> None:
     motor = -np.where(time < 15.0, 0.5, 0.55) * np.cos(4.0 * math.pi / 3.0 * time)
     bends, gaps = 0.004 * np.sin(1.3 * nodes), 0.05 + 0.005 * np.cos(0.9 * nodes)
     bent = Branches(0.9, bends, gaps, -0.5, 0.5, np.array([0.5, 1.5]), np.array([0.5, 0.5]), 0.1, 0.0)
-    branches, paths = GeneralisedPlay(), []
+    paths = []
     for stop in (1500, 3000):
         path_turns = find_turns(motor[:stop], 1e-9)
         paths.append(build_path(time[:stop], motor[:stop], branched(motor, 0.0, bent)[:stop], path_turns, 1500))
-    near = branches.fit(paths[0])
-    whole = branches.refit(paths[1], near)
+    near = fit_branches(paths[0])
+    whole = fit_branches(paths[1], near)
     assert whole.parameters["last_node"] > 0.54 > 0.51 > near.parameters["last_node"]
     error = generalised_play(whole.parameters, motor) - branched(motor, 0.0, bent)
     assert rmse(error[1500:]) * DEGREES < 0.05
@@ -208,7 +207,7 @@ def test_a_loop_with_a_slope_of_its_own_either_way_is_two_lines(ratio: float) ->
     for k, angle in enumerate(motor):
         joint[k] = held = min(max(held, up * angle - 0.12), down * angle + 0.12)
     path = build_path(time, motor, joint + noise, find_turns(motor, 1e-9), 1500)
-    found = branches_of(GeneralisedPlay().fit(path).parameters)
+    found = branches_of(fit_branches(path).parameters)
     ends = np.array([mean_branch(at, found) for at in (-0.45, 0.45)]) + found.offset
     gaps = np.array([half_gap(at, found) for at in (-0.45, 0.45)])
     assert np.diff(ends - gaps)[0] / 0.9 == pytest.approx(up, rel=0.01)
@@ -238,7 +237,7 @@ def test_branches_of_a_cable_without_play_are_its_line() -> None:
     for slope, (of_motor, of_joint) in ((0.9, noisy[:2]), (-0.9, noisy[2:])):
         seen, joint = motor + 1e-3 * of_motor, slope * motor + 1e-3 * of_joint
         path = build_path(time, seen, joint, find_turns(seen, 1e-3), 600)
-        found = GeneralisedPlay().fit(path)
+        found = fit_branches(path)
         assert rmse(found.fitted - slope * path.motor) < 1e-3
 
 
@@ -250,8 +249,8 @@ def test_no_smoothing_lets_a_branch_go_against_the_motor(strengths: tuple[float,
     motor = 0.5 * np.sin(0.8 * math.pi * time)
     joint = -0.02 * motor + 0.05 * np.sin(20.0 * motor) + 0.01 * rng.standard_normal(len(time))
     path = build_path(time, motor, joint, find_turns(motor, 1e-9), 600)
-    near = GeneralisedPlay().rough(path)
-    found = GeneralisedPlay().refit(path, replace(near, theta=np.array([near.theta[0], *strengths])))
+    near = rough_branches(path)
+    found = fit_branches(path, replace(near, theta=np.array([near.theta[0], *strengths])))
     cable = branches_of(found.parameters)
     place = np.linspace(cable.low, cable.high, 40)
     mean = cable.slope * place + cable.bends
@@ -262,13 +261,11 @@ def test_no_smoothing_lets_a_branch_go_against_the_motor(strengths: tuple[float,
 
 
 def test_a_model_that_the_whole_log_spoils_stays_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    refit = PrandtlIshlinskii.refit
-
-    def spoilt(family: PrandtlIshlinskii, path: Path, near: Estimate) -> Estimate:
-        found = refit(family, path, near)
+    def spoilt(path: Path, near: Estimate) -> Estimate:
+        found = fit_stack(path, near)
         return replace(found, parameters={**found.parameters, "offset": found.parameters["offset"] + 0.05})
 
-    monkeypatch.setattr(PrandtlIshlinskii, "refit", spoilt)
+    monkeypatch.setitem(identification.FAMILIES, "prandtl_ishlinskii", spoilt)
     fit = bowden.identify(TIME, MOTOR + noise(1), cable(MOTOR) + noise(2))
     assert any("stays as it was: prandtl_ishlinskii (" in warning for warning in fit.warnings)
     stack = fit.models["prandtl_ishlinskii"]
@@ -303,24 +300,6 @@ def test_folds_shift_from_cycle_to_cycle() -> None:
                 chosen.append(next(fold for fold, mask in enumerate(masks) if mask[node]))
             assert sorted(chosen) == [0, 1, 2, 3, 4]
     assert np.all(np.sum(masks, axis=0) <= 1)
-
-
-def test_settling_is_judged_on_the_same_strokes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two short strokes lie before the long ones: what leaves them out is not judged on fewer strokes."""
-    time = np.arange(0.0, 40.0, 0.01)
-    size = np.array([0.15, 0.15, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5])[np.minimum((time / 5.0).astype(int), 7)]
-    motor = -size * np.cos(0.4 * math.pi * time)
-    path = build_path(time, motor, 0.9 * motor, find_turns(motor, 1e-9), 600)
-    judged: dict[Settling, list[int]] = {}
-
-    def errors(blocks: object, weights: object, prior: object, strokes: range, given: Settling) -> Array:
-        judged[given] = list(strokes)
-        return np.ones(len(strokes))
-
-    monkeypatch.setattr(settling_module, "_errors", errors)
-    settling(path, GeneralisedPlay().fit(path))
-    assert len(judged) >= 4
-    assert len({tuple(strokes) for strokes in judged.values()}) == 1
 
 
 def test_one_reversal_offers_no_bent_loop() -> None:

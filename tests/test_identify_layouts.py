@@ -41,12 +41,14 @@ ANGLES = {
     "rad": (1.0, 7, {}),
     "deg": (math.degrees(1.0), 5, {}),
     "turns": (1.0 / math.tau, 8, {}),
+    "mrad": (1e3, 4, {}),
     "counts": (16384.0 / math.tau, 0, {"counts_per_turn": 16384}),
     "mm": (RADIUS, 5, {"spool_radius_mm": RADIUS}),
 }
 CLOCKS = {
     "time_s": lambda t: f"{t:.4f}",
     "Time (ms)": lambda t: f"{1e3 * t:.1f}",
+    "ms": lambda t: f"{(60_000 + round(1e3 * t)) % 2**16}",
     "t_us": lambda t: f"{1e6 * t:.0f}",
     "timestamp_ns": lambda t: f"{1_700_000_000_000_000_000 + round(1e9 * t)}",
     "stamp": lambda t: f"{1.7e9 + t:.3f}",
@@ -144,15 +146,18 @@ def test_columns_by_number_whatever_they_are_called(tmp_path: Path) -> None:
     assert bowden.read_log(tmp_path / "log.npy", time=1, motor=2, joint=3, unit="rad").joint == pytest.approx(JOINT)
 
 
-@pytest.mark.parametrize(("shift", "ppm"), [(0.7, 50.0), (-3.2, -200.0)])
-def test_the_clocks_of_two_files_are_aligned_by_the_motion(tmp_path: Path, shift: float, ppm: float) -> None:
+@pytest.mark.parametrize(("shift", "ppm", "column"), [(0.7, 50.0, "motor"), (-3.2, -200.0, "encoder")])
+def test_the_clocks_of_two_files_are_aligned_by_the_motion(
+    tmp_path: Path, shift: float, ppm: float, column: str
+) -> None:
     noise = np.random.default_rng(1)
     fast = np.arange(0.0, 30.0, 0.002)
     slow = np.arange(0.5, 29.0, 0.01)
     joint = np.interp(slow, fast, cable(motion(fast)))
     for name, at, angle in (("motor", fast, motion(fast)), ("joint", (slow - shift) * (1.0 - 1e-6 * ppm), joint)):
         read = np.degrees(angle) + 0.02 * noise.standard_normal(len(at))
-        np.savetxt(tmp_path / f"{name}.csv", np.c_[at, read], "%.6f", ",", header=f"time_s,{name}_deg", comments="")
+        named = f"time_s,{column if name == 'motor' else name}_deg"
+        np.savetxt(tmp_path / f"{name}.csv", np.c_[at, read], "%.6f", ",", header=named, comments="")
     fit = bowden.identify([tmp_path / "joint.csv", tmp_path / "motor.csv"])
     (said,) = (one for one in fit.warnings if "aligned by the motion" in one)
     found = float(said.split("stands ")[1].split(" ")[0])

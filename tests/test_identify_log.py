@@ -444,6 +444,7 @@ def test_units_say_which_column_is_the_time_and_which_the_other_angle(write: Wri
 REFUSED: dict[str, tuple[str | bytes, str]] = {
     "missing column": (text(header="time_s,torque,joint_rad"), "no motor column among 'time_s', 'torque', 'joint_rad'"),
     "a name twice": (text(rows(TIME, MOTOR, JOINT, JOINT), HEADER + ",motor_rad"), "2 columns are called 'motor_rad'"),
+    "no word for any": (text(header="time_s,count,value_rad"), "no motor column and no joint column among"),
     "two missing": (text(header="a,b,joint_rad"), "no time column and no motor column among"),
     "text in a number": (text(put(LINES, 17, "0.15,abc,0.2")), "line 17: motor_rad is 'abc'"),
     "text in the first row": (text(put(LINES, 2, "0.0,abc,0.2")), "line 2: motor_rad is 'abc'"),

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from bowden.identify.cable.path import Path, build_path, remembered
-from bowden.identify.cable.settling import from_rest
 from bowden.identify.cable.turns import find_turns, motor_noise, resolution, reversals
+from bowden.identify.cable.validation import from_rest
 from bowden.models.cable.prandtl_ishlinskii import plays
 
 Array = NDArray[np.float64]

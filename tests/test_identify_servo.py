@@ -16,8 +16,7 @@ from bowden.core.kernel import compiled
 from bowden.core.units import RADIANS
 from bowden.design.objections import refusals
 from bowden.design.rig_of_bench import toml_text
-from bowden.identify.servo.fit import ServoEstimate, identify_servo
-from bowden.identify.servo.log import read_servo_log
+from bowden.identify.servo import ServoEstimate, identify_servo, read_servo_log
 from bowden.models.drive.servo import Servo, prepare
 from bowden.operations.init import init
 from bowden.operations.schema import json_schema

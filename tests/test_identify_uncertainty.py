@@ -6,15 +6,13 @@ from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled, kernel
 from bowden.core.units import RADIANS
-from bowden.identify.cable.bouc_wen import BoucWenCable, fit_terms
-from bowden.identify.cable.bouc_wen_search import bounds
-from bowden.identify.cable.family import Estimate, Family, Line
-from bowden.identify.cable.generalised import GeneralisedPlay
-from bowden.identify.cable.loop import loop_of
+from bowden.identify.cable.bouc_wen import bounds, fit_terms
+from bowden.identify.cable.generalised import fit_branches
 from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.plays import PlayOperator
+from bowden.identify.cable.plays import fit_line, fit_play
+from bowden.identify.cable.projection import Estimate
 from bowden.identify.cable.turns import find_turns, motor_noise
-from bowden.identify.cable.uncertainty import all_shown, standard_errors
+from bowden.identify.cable.uncertainty import all_shown, loop_of, standard_errors
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -53,7 +51,7 @@ def path_of(motor: Array, joint: Array, seed: int, encoders: tuple[Encoder, Enco
     return build_path(TIME, seen, read(joint, encoders[1], 2 * seed + 1), find_turns(seen, motor_noise(seen)), 1500)
 
 
-def scores(estimate: Estimate, path: Path, family: Family, true: dict[str, float]) -> list[float]:
+def scores(estimate: Estimate, path: Path, family: str, true: dict[str, float]) -> list[float]:
     errors = standard_errors(path, estimate, family)
     return [(estimate.parameters[name] - value) / errors[name] for name, value in true.items()]
 
@@ -70,13 +68,13 @@ def assert_coverage(found: list[list[float]], least: float, most_mean: float = 1
 def test_bouc_wen(encoders: tuple[Encoder, Encoder]) -> None:
     true = CABLE._asdict() | {"initial_h": 0.05}
     start = np.array([np.log(CABLE.rate / saturation(CABLE)), -np.log(2.0 * CABLE.shape - 1.0), 1.0, 0.1])
-    found, family = [], BoucWenCable(None, 0)  # type: ignore[arg-type]  # no global stage here, so no path for it
+    found = []
     for seed in range(SEEDS):
         motor = motion(seed)
         h = hysteresis(motor, 0.05, CABLE)
         joint = CABLE.slope * motor + CABLE.hysteresis_gain * h + CABLE.offset
         path = path_of(motor, joint, seed, encoders)
-        found.append(scores(fit_terms(path, start, 1, 0), path, family, true))
+        found.append(scores(fit_terms(path, start, 1, 0), path, "bouc_wen", true))
     assert_coverage(found, least=0.85)
 
 
@@ -84,12 +82,12 @@ def test_bouc_wen(encoders: tuple[Encoder, Encoder]) -> None:
 @pytest.mark.long
 def test_play(encoders: tuple[Encoder, Encoder]) -> None:
     true = {"slope": -0.9, "half_width": 0.05, "offset": 0.2, "initial_lag": 0.02}
-    found, family = [], PlayOperator()
+    found = []
     for seed in range(SEEDS):
         motor = motion(seed)
         z = plays(np.concatenate([[motor[0] + 0.02], motor]), np.array([0.05]))[1:, 0]
         path = path_of(motor, -0.9 * z + 0.2, seed, encoders)
-        found.append(scores(family.fit(path), path, family, true))
+        found.append(scores(fit_play(path), path, "play", true))
     assert_coverage(found, least=0.8, most_mean=1.2)
 
 
@@ -101,7 +99,7 @@ def test_at_the_bound_of_its_search_a_parameter_has_no_uncertainty() -> None:
     estimate = fit_terms(path, start, 1, 0)
     low, high = bounds(path.span)
     edge = np.isclose(estimate.theta, low, atol=5e-3) | np.isclose(estimate.theta, high, atol=5e-3)
-    errors = standard_errors(path, estimate, BoucWenCable(path, 0))
+    errors = standard_errors(path, estimate, "bouc_wen")
     assert edge[:3].any()
     for name, close in zip(("rate", "shape", "exponent"), edge[:3], strict=True):
         assert np.isinf(errors[name]) == close
@@ -114,8 +112,8 @@ def test_line_with_a_residual_that_is_not_white() -> None:
         wander = np.convolve(random.standard_normal(len(TIME) + 400), np.ones(401) / 401, "valid")
         motor = motion(seed)
         path = build_path(TIME, motor, 0.9 * motor + 0.1 + 0.01 * wander, find_turns(motor, 0.0), 1500)
-        estimate = Line().fit(path)
-        found.append(scores(estimate, path, Line(), {"slope": 0.9, "offset": 0.1}))
+        estimate = fit_line(path)
+        found.append(scores(estimate, path, "line", {"slope": 0.9, "offset": 0.1}))
         residual = path.joint - estimate.fitted
         white = np.sqrt(path.weight @ residual**2 / path.weight.sum() / path.weight.sum())
         blind.append((estimate.parameters["offset"] - 0.1) / white)
@@ -126,11 +124,11 @@ def test_line_with_a_residual_that_is_not_white() -> None:
 def test_what_the_log_does_not_show_is_infinite_and_a_setting_is_nan() -> None:
     ramp = 0.05 * TIME
     path = build_path(TIME, ramp, 0.9 * ramp + 0.1, find_turns(ramp, 1e-6), 500)
-    estimate = PlayOperator().fit(path)
-    errors = standard_errors(path, estimate, PlayOperator())
+    estimate = fit_play(path)
+    errors = standard_errors(path, estimate, "play")
     assert errors["half_width"] == np.inf
     plain = Estimate({"slope": 0.9, "set": 1.0}, {"slope": path.motor}, 0.9 * path.motor, np.empty(0))
-    assert np.isnan(standard_errors(path, plain, Line())["set"])
+    assert np.isnan(standard_errors(path, plain, "line")["set"])
 
 
 def wandering(seed: int, size: float) -> Array:
@@ -140,12 +138,12 @@ def wandering(seed: int, size: float) -> Array:
 
 
 def test_where_the_strokes_wander_the_offset_of_a_play_still_covers() -> None:
-    found, family = [], PlayOperator()
+    found = []
     for seed in range(SEEDS):
         motor = motion(seed)
         z = plays(np.concatenate([[motor[0]], motor]), np.array([0.05]))[1:, 0]
         path = path_of(motor, 0.9 * z + 0.2 + wandering(seed, 0.03 * RADIANS), seed, (DITHERED, DITHERED))
-        found.append(scores(family.fit(path), path, family, {"slope": 0.9, "offset": 0.2}))
+        found.append(scores(fit_play(path), path, "play", {"slope": 0.9, "offset": 0.2}))
     assert_coverage(found, least=0.85)
 
 
@@ -157,7 +155,7 @@ def test_the_loop_of_free_branches_covers_that_of_a_bent_cable() -> None:
         z = plays(np.concatenate([[motor[0]], motor]), np.array([0.03 + 0.001 * seed]))[1:, 0]
         clean = 0.9 * z + 0.2 + 0.02 * np.sin(4.0 * motor + seed)
         path = path_of(motor, clean + wandering(seed, 0.02 * RADIANS), seed, (DITHERED, DITHERED))
-        loop = loop_of(path, GeneralisedPlay().fit(path).fitted)
+        loop = loop_of(path, fit_branches(path).fitted)
         true = loop_of(path, np.interp(path.time, TIME, clean))
         assert loop is not None
         assert true is not None
@@ -184,8 +182,8 @@ def test_a_loop_says_nothing_of_what_it_cannot_know() -> None:
 def test_what_is_not_shown_is_known_without_its_deviation() -> None:
     for motor, shown in ((motion(0), True), (0.05 * TIME, False)):
         path = path_of(motor, 0.9 * plays(motor, np.array([0.05]))[:, 0], 0, (DITHERED, DITHERED))
-        estimate = PlayOperator().fit(path)
-        errors = standard_errors(path, estimate, PlayOperator())
+        estimate = fit_play(path)
+        errors = standard_errors(path, estimate, "play")
         assert all_shown(path, estimate) == shown == (np.inf not in errors.values())
 
 

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowden import Rig
+from bowden.control.source import Measurement
 from bowden.core.errors import ParameterError, SafetyError
 from bowden.core.signals import Sample
 from bowden.core.units import RADIANS
@@ -17,10 +18,8 @@ from bowden.design.power import require_power
 from bowden.live.by_hand import require_confirmed
 from bowden.live.joint_estimate import LiveEstimate
 from bowden.live.row import NOTHING_READ
-from bowden.plants import estimated
 from bowden.plants.bench import Bench
 from bowden.plants.estimated import BENDS, Estimated, SensorRun, sensor_step
-from bowden.plants.plant import SheathState
 from bowden.safety.detectors import joint_unsure
 from bowden.safety.evidence import joint_doubt
 from bowden.safety.limits import Limits
@@ -48,6 +47,9 @@ def test_a_rig_keeps_its_joint_sensor(given: dict[str, Any], tmp_path: Any) -> N
         ({"source": "imu"}, "stream"),
         (IMU | {"stream": "udp:x"}, "a port"),
         (IMU | {"stream": "serial:/dev/ttyACM0@fast"}, "a baud rate"),
+        (IMU | {"stream": "can:can0"}, "an identifier"),
+        (IMU | {"stream": "can:can0@321x"}, "an identifier"),
+        (IMU | {"stream": "can:can0@0x321", "gives": "inertial"}, "over CAN"),
         (IMU | {"axis": (1.0, 1.0, 0.0)}, "length 1"),
         (IMU | {"bodies": 2}, "quaternion"),
         (IMU | {"bodies": 2, "gives": "inertial"}, "quaternion"),
@@ -96,17 +98,15 @@ def test_the_sensor_draws_its_noise_in_each_cycle_and_its_other_errors_once_a_ru
     assert np.corrcoef(out[:, :3], rowvar=False) == pytest.approx(np.eye(3), abs=0.06)
 
 
-def test_an_estimated_plant_reads_its_sensor_by_the_last_of_its_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_estimated_plant_reads_its_sensor_by_the_last_of_its_numbers() -> None:
     model = JointModel(1.0, 0.0, 0.0, 0.1, period=1e-3, noise=0.1)
-    run = Estimated(Bench(), model).dynamics()
-    for name in ("inner_rest", "inner_observe", "inner_look"):
-        monkeypatch.setattr(estimated, name, run.parts[name])
-    body, numbers = run.rest(run.plant, 0.5, SheathState(math.pi, 1.0, 1.0)), np.array([9.0, 9.0, 0.3, 0.0, 0.0, 0.5])
-    after, seen = run.observe(run.plant, body, numbers)
-    sensor, value = sensor_step(model, body.sensor, body.inner.joint, numbers[2:], 1e-3)
-    assert value == pytest.approx(body.inner.joint + 0.1 * 0.3)
-    assert (after.sensor, after.estimate) == (sensor, estimate_step(model, body.estimate, 0.5, value, 1e-3))
-    assert seen[:2] == (after.estimate.angle, 0.5)
+    run, numbers = Estimated(Bench(), model).dynamics(), np.array([9.0, 9.0, 0.3, 0.0, 0.0, 0.5])
+    begun = run.parts["joint_start"](run.sensing, 0.4, 0.5)
+    after, seen = run.parts["joint_sense"](run.sensing, begun, Measurement(9.0, 0.5, 1.0, 2.0), 0.4, numbers, 1e-3)
+    sensor, value = sensor_step(model, begun.sensor, 0.4, numbers[2:], 1e-3)
+    assert value == pytest.approx(0.4 + 0.1 * 0.3)
+    assert after == (sensor, estimate_step(model, begun.estimate, 0.5, value, 1e-3))
+    assert seen[:4] == (after.estimate.angle, 0.5, 1.0, 2.0)
 
 
 def test_a_law_follows_an_estimate() -> None:

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import socket
+import struct
 import time
 import tty
 from pathlib import Path
@@ -21,7 +22,11 @@ from bowden.core.errors import StreamError
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware import joint_stream
-from bowden.hardware.joint_stream import JointSamples, Raw, line_of, raw_of
+from bowden.hardware.buses.place import EXTENDED
+from bowden.hardware.buses.unix_bus import UnixBus
+from bowden.hardware.joint_stream import JointSamples, Raw, line_of, of_twin, raw_of
+from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.joint_stream import JointSensorTwin
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
 from bowden.rig.settings import JointSensor
@@ -138,6 +143,56 @@ def test_lines_of_a_serial_port_are_put_together_from_pieces() -> None:
     samples.close()
     os.close(host)
     os.close(line)
+
+
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_frames_of_a_can_bus_are_the_orientations_of_bodies(bodies: int, tmp_path: Path) -> None:
+    """Of two bodies a sample is whole with both frames; other identifiers and lengths are none."""
+    stream, axis = f"can:{tmp_path}@0x321", (0.0, 1.0, 0.0)
+    with UnixBus(str(tmp_path), create=True) as device:
+        samples = JointSamples(JointSensor("imu", stream, "quaternion", bodies=bodies, axis=axis))
+        for angle in (0.3, -0.6):
+            posed = [turn(axis, 0.2), turn(axis, 0.2 + angle)] if bodies == 2 else [turn(axis, angle)]
+            frames = [struct.pack("<4h", *(round(32767 * one) for one in body)) for body in posed]
+            device.put(0x320, frames[0])
+            device.put(0x321, frames[0][:6])
+            for i, frame in enumerate(frames):
+                assert math.isnan(samples.look())
+                device.put(0x321 + i, frame)
+            assert samples.look() == pytest.approx(angle, abs=2e-4)
+        samples.close()
+
+
+def test_a_frame_of_a_stretch_sensor_is_a_float(tmp_path: Path) -> None:
+    sensor = JointSensor("stretch", f"can:{tmp_path}@0x18FF0021", curve_values=(0.0, 2.0), curve_angles=(0.0, 1.0))
+    with UnixBus(str(tmp_path), create=True) as device:
+        samples = JointSamples(sensor)
+        for value, angle in ((1.5, 0.75), (math.nan, math.nan)):
+            device.put(EXTENDED | 0x18FF0021, struct.pack("<f", value))
+            assert samples.look() == pytest.approx(angle, nan_ok=True)
+        samples.close()
+
+
+def test_a_can_bus_that_is_not_there_is_refused() -> None:
+    with pytest.raises(StreamError, match="bus no0"):
+        JointSamples(JointSensor(source="imu", stream="can:no0@0x321"))
+
+
+@pytest.mark.parametrize("stream", ["udp:5005", "serial:/dev/ttyACM9", "can:can0@0x321", "lsl:IMU"])
+def test_a_twin_s_sensor_is_heard_beside_its_own_drive_alone(stream: str, tmp_path: Path) -> None:
+    """On another bus, and on the same one; whatever the stream is."""
+    sensor, twins, heard = JointSensor(source="imu", stream=stream, noise=1e-3, delay=0.0), [], []
+    for bus, node, angle in (("one", 1, 0.2), ("two", 1, 0.9), ("two", 2, 0.5)):
+        rig = Rig(joint_sensor=sensor, drive={"node_id": node}).on_bus(str(tmp_path / bus), "bowden_unix")
+        (tmp_path / bus).mkdir(exist_ok=True)
+        own = of_twin(rig.joint_sensor, rig.drive)
+        twins.append(JointSensorTwin(own, lambda angle=angle: angle, Faults(), 0))  # type: ignore[misc]
+        heard.append(JointSamples(own))
+    for twin in twins:
+        twin.tick(1.0)
+    assert [one.look() for one in heard] == pytest.approx([0.2, 0.9, 0.5], abs=1e-2)
+    for one in (*twins, *heard):
+        one.close()
 
 
 @pytest.mark.parametrize("stream", ["serial:/dev/null/none", "serial:/no/such/port@9600"])

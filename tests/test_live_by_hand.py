@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from bowden.app.main import run
 from bowden.core.clock import SECOND
 from bowden.core.errors import DriveError, SafetyError
 from bowden.core.signals import DriveReading
@@ -19,12 +18,14 @@ from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power, serial_of
 from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.plant import Look
 from bowden.live.by_hand import SETTLED, confirm, confirmed, contradictions, require_confirmed, require_same, turned
 from bowden.live.joint_estimate import RestingSensor
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
+from support.command import Command
 from support.memory_bus import DriverLoop
 
 pytestmark = pytest.mark.usefixtures("state")
@@ -47,8 +48,9 @@ class InHand(TwinBench):
     """A bench without power, whose joint somebody turns."""
 
     turned = 0.1
-    joint = property(lambda self: self.turned)  # type: ignore[assignment]
-    motor = property(lambda self: self.turned / SLOPE)  # type: ignore[assignment]
+
+    def look(self) -> Look:
+        return super().look()._replace(joint=self.turned, motor=self.turned / SLOPE)
 
 
 def in_hand(now: float) -> InHand:
@@ -79,7 +81,7 @@ class ByHand:
 
 def by_hand(rig: Rig, degrees: float = 45.0, said: str = "45\n") -> tuple[float, float, float]:
     bus = DriverLoop(REAL, {(0x6065, 0): 1 << 30}, in_hand)
-    drive = CanopenDrive(rig.drive_parameters, Links(bus))
+    drive = CanopenDrive(rig.drive_parameters, Links(bus, bus))
     drive.bring_up()
     somebody = ByHand(bus, degrees, said)
     told, before, after = turned(drive, somebody.lines, somebody.heard.append, somebody, 1e-3)
@@ -172,7 +174,7 @@ def test_a_sensor_at_the_joint_is_confirmed_by_hand_as_an_encoder_is(gain: float
         port = free.getsockname()[1]
     rig = Rig(drive=REAL, joint_sensor={"source": "imu", "stream": f"udp:{port}"})
     bus = DriverLoop(REAL, {(0x6065, 0): 1 << 30}, in_hand)
-    drive = CanopenDrive(rig.drive_parameters, Links(bus))
+    drive = CanopenDrive(rig.drive_parameters, Links(bus, bus))
     somebody = BesideSensor(bus, 45.0, "45\n", port, gain)
     threading.Timer(0.1, somebody.send, [0.0]).start()
     sensor = RestingSensor(rig.joint_sensor, 1e-3)
@@ -221,21 +223,18 @@ def test_a_goniometer_may_be_misread_and_a_cable_may_have_play(misread: float) -
     assert contradictions(math.nan, 0.5, 0.5, limits)
 
 
-@pytest.mark.parametrize("command", [["run"], ["measure"]])
-def test_no_run_powers_a_motor_that_nobody_has_confirmed(
-    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize("word", ["run", "measure"])
+def test_no_run_powers_a_motor_that_nobody_has_confirmed(word: str, tmp_path: Path, command: Command) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text('[drive]\ninterface = "socketcan"\n')
-    assert run([*command, str(rig), "--auto", "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
+    said = command(word, rig, "--auto", "--out", tmp_path / "out", code=2).err
     assert f"bowden confirm {rig}" in said
-    assert run(["confirm", str(rig)]) == 2
-    assert "no terminal" in capsys.readouterr().err
+    assert "no terminal" in command.refused("confirm", rig)
 
 
 def found_serial(number: int) -> str:
-    drive = CanopenDrive(REAL, Links(DriverLoop(REAL, {(0x1018, 4): number})))
+    bus = DriverLoop(REAL, {(0x1018, 4): number})
+    drive = CanopenDrive(REAL, Links(bus, bus))
     drive.bring_up()
     drive.close()
     return serial_of(drive)

@@ -237,6 +237,7 @@ def test_without_friction_it_is_a_spring() -> None:
         {"profile": (0.0, 0.0)},
         {"profile": (1.0, -1.0)},
         {"profile": (1.0, math.nan)},
+        {"profile": (3.0, -1.0)},
     ],
 )
 def test_absurd_tendons_are_refused(change: dict[str, float]) -> None:

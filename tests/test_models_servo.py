@@ -67,7 +67,7 @@ def test_who_is_called_free_meets_no_limit_within_the_cycle(
             offset, speed = exactly(servo, time, x, v * omega).tolist()
             assert abs(speed) <= fast * omega * (1.0 + 1e-9)
             assert abs(servo_acceleration(offset, speed, steps.cycle)) <= strong * omega**2 * (1.0 + 1e-9)
-    assert steps.substep == prepare(servo, dt / 4)
+    assert steps.substep == prepare(servo, dt / 4)._replace(reach=steps.cycle.reach)
     assert not servo_is_free(0.0, 0.0, prepare_steps(servo, 1.01 * LONGEST_CYCLE / omega, 4).cycle)
 
 

@@ -11,10 +11,10 @@ from bowden.core.errors import ParameterError
 from bowden.core.units import DEGREES
 from bowden.paper.bench import observer, run_bench, run_chirp
 from bowden.paper.calibration import bench_fit, gains, parameters, suit_fit
-from bowden.paper.claims import Claim, claims, is_remark, judge, plausible_sets, select
-from bowden.paper.errata_law import largest_pole
-from bowden.paper.figures_of_merit import closed_loop_bandwidth, dead_zone_deg
+from bowden.paper.claims import Claim, claims, judge, plausible_sets, select
+from bowden.paper.errata import largest_pole
 from bowden.paper.gain_choice import choose_gains, worst_margins
+from bowden.paper.plots import closed_loop_bandwidth, dead_zone_deg
 from bowden.paper.report import HEADINGS, VERDICTS, write_report
 from bowden.paper.reproduce import EXPERIMENTS, Reproduction, reproduce
 from bowden.paper.suit_rows import uncompensated
@@ -39,18 +39,18 @@ def page(outcome: Reproduction, tmp_path_factory: pytest.TempPathFactory) -> str
 
 @pytest.fixture(scope="module")
 def computed(outcome: Reproduction) -> dict[str, float]:
-    return {result.claim.id: result.computed for result in outcome.results if result.computed is not None}
+    return {result.id: result.computed for result in outcome.results if result.computed is not None}
 
 
 def test_every_claim_has_a_figure_a_verdict_and_where_needed_a_reason(outcome: Reproduction) -> None:
-    assert [result.claim.id for result in outcome.results] == [claim.id for claim in claims()]
+    assert [result.id for result in outcome.results] == [claim.id for claim in claims()]
     for result in outcome.results:
-        assert result.computed is not None, result.claim.id
-        explained = is_remark(result.claim) or result.verdict in {"fitted", "reproduced"} or len(result.why) > 10
-        assert explained, result.claim.id
-        assert "{" not in result.why, result.claim.id
+        assert result.computed is not None, result.id
+        explained = result.remark or result.verdict in {"fitted", "reproduced"} or len(result.why) > 10
+        assert explained, result.id
+        assert "{" not in result.why, result.id
         assert result.verdict in VERDICTS
-    assert sum(r.verdict == "differs" for r in outcome.results if not is_remark(r.claim)) <= 2
+    assert sum(r.verdict == "differs" for r in outcome.results if not r.remark) <= 2
 
 
 def test_every_claim_belongs_to_one_experiment() -> None:
@@ -182,7 +182,7 @@ def test_part_of_the_claims() -> None:
         "table1.adaptive.varying",
     ]
     part = reproduce(["fig12"])
-    assert [result.claim.id for result in part.results] == ["table1.observer.constant"]
+    assert [result.id for result in part.results] == ["table1.observer.constant"]
     assert part.earlier == {}
     with pytest.raises(ParameterError, match=r"fig99.*expected"):
         reproduce(["fig99"])
@@ -200,7 +200,7 @@ def test_the_report_says_first_what_is_reproduced_then_what_is_open_then_what_di
     places = [page.index(f">{title}</h2>") for title in titles]
     assert places == sorted(places)
     for result in outcome.results:
-        if not is_remark(result.claim):
-            shown = result.claim.quantity[:25].replace("'", "&#39;")
+        if not result.remark:
+            shown = result.quantity[:25].replace("'", "&#39;")
             begin = page.index(f">{HEADINGS[result.verdict]}</h2>")
-            assert begin < page.index(shown, begin) < places[-2], result.claim.id
+            assert begin < page.index(shown, begin) < places[-2], result.id

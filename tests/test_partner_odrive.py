@@ -18,11 +18,11 @@ from bowden.hardware.buses.unix_bus import UnixBus
 from bowden.hardware.drives import driver, odrive_drive
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.checklist import Found
-from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale
+from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.odrive_drive import OdriveDialogue, OdriveDrive
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
-from bowden.hardware.drives.odrive_frames import ERRORS, AxisState, Beat, Cmd, Scales, Target
-from bowden.hardware.drives.scale import motor_limits
+from bowden.hardware.drives.odrive_frames import ERRORS, AxisState, Beat, Cmd, Target
+from bowden.hardware.drives.scale import motor_limits, motor_scale
 from bowden.hardware.ports import Power
 from bowden.rig.rig import Rig
 from support.own_loop import in_a_thread
@@ -34,7 +34,7 @@ pytestmark = [  # its thread hands frames to a loop that has ended
     pytest.mark.filterwarnings("ignore:coroutine 'Queue.put' was never awaited:RuntimeWarning"),
 ]
 DBC: Any = odrive_can.get_dbc()
-SCALES = Scales(1000.0, 1000.0)
+SCALES = 1000.0, 1000.0
 
 
 def decoded(name: str, data: bytes) -> dict[str, Any]:

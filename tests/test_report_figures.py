@@ -15,7 +15,7 @@ from bowden.report import page, simulate_figures
 from bowden.report.log_page import faults_of, log_page, motion, states
 from bowden.report.page import Page
 from bowden.safety.faults import Fault
-from bowden.study.distributions import distribution
+from bowden.study.distributions import Distribution
 from bowden.study.figures import LawFigures, Summary
 from bowden.study.results import ParameterShare
 from support.blank import blank
@@ -150,9 +150,9 @@ def test_a_campaign_ranks_what_matters_most_and_faults_too() -> None:
     words = {"fault.kind": ("nothing", "spike")}
     law = LawFigures("adaptive", 9, 0, 0, (0.0, 0.3), None, None, {}, (), found, steps=steps, words=words)
     drawn = [
-        ("servo", "Hz", distribution("uniform", (1.0, 2.0))),
-        ("fault.kind", "", distribution("choice", ("nothing", "spike"))),
-        ("x", "", distribution("fixed", (1.0,))),
+        ("servo", "Hz", Distribution("uniform", (1.0, 2.0))),
+        ("fault.kind", "", Distribution("choice", ("nothing", "spike"))),
+        ("x", "", Distribution("fixed", (1.0,))),
     ]
     html = campaign_page(Summary("h", "d", 9, (law,)), "t", drawn, "", 1.0).html()
     assert "<b>adaptive</b>: fault.kind (60 %), servo (4 %)." in html
@@ -160,7 +160,7 @@ def test_a_campaign_ranks_what_matters_most_and_faults_too() -> None:
     assert rows == [("1", "fault.kind"), ("2", "servo")]
     lacking = ParameterShare("gain", None, None, None, above_chance=False)
     law = replace(law, sensitivity=(replace(found[0], chance_share=0.2, above_chance=False), found[1], lacking))
-    drawn.append(("gain", "", distribution("uniform", (1.0, 2.0))))
+    drawn.append(("gain", "", Distribution("uniform", (1.0, 2.0))))
     html = campaign_page(Summary("h", "d", 9, (law,)), "t", drawn, "", 1.0).html()
     assert "<b>adaptive</b>: fault.kind (60 %)." in html
     assert "(4.0)" in html

@@ -21,8 +21,8 @@ from bowden.live.live_run import live_run
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo
+from bowden.plants.bench import Bench
 from bowden.plants.bends import ConstantBend, RandomBend, ScriptedBend
-from bowden.plants.cable_plant import CablePlant
 from bowden.plants.identified import CableModel
 from bowden.plants.suit_settings import SuitSettings
 from bowden.rig.declaration import items_of
@@ -139,7 +139,7 @@ def test_what_a_file_names_is_part_of_the_rig(folder: Path) -> None:
         assert one.fitted().gains.feedback_gain == 1.5
         assert one.cable.model("play").parameters["half_width"] == 0.05  # type: ignore[union-attr]
         assert np.array_equal(one.trajectory.sample(np.linspace(0.0, 3.0, 50)), before)
-    assert isinstance(rig.moved, CablePlant)
+    assert isinstance(rig.moved, Bench)
     assert rig.moved.cable.name == "play"
     trace = run_of(rig.replace(duration=0.2), rig.fitted())
     assert np.isfinite(trace["joint"]).all()

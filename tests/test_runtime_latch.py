@@ -21,7 +21,7 @@ from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.live.session import Session, automatic
 from bowden.live.session_motor import SessionMotor
-from bowden.live.stops import MotorFaults
+from bowden.live.stops import Stop
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Request
@@ -152,7 +152,7 @@ def test_without_keys_a_run_that_begins_latched_is_refused_with_what_latched_it(
     asked: list[Request] = []
     about = {"ready": {"drive": "x"}, "began_latched": True, "on_twin": False}
     came = dict.fromkeys(of(FAULTS), 0.0)
-    found = [MotorFaults("", tuple(came), (), came)]
+    found = [Stop(0.0, tuple(came), (), came)]
     session = SimpleNamespace(**about, last=lambda: latched, ask=asked.append, faults=lambda row: found)
     with pytest.raises(SafetyError, match="has not been acknowledged: motor does not follow its model"):
         list(automatic(session))

@@ -30,8 +30,8 @@ from bowden.live.script import Script
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.models.suit.suit_angle import spool_map
+from bowden.plants.pushing import behind, friction_of, push_of
 from bowden.plants.suit_parts import Suit
-from bowden.plants.suit_push import behind, friction_of, push_of
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
 from bowden.sim.run import simulate

@@ -22,8 +22,7 @@ from bowden.core.errors import BowdenError, LogError
 from bowden.live.events import Changes
 from bowden.live.figures import Damage, LogFacts, RunStop, TimedText
 from bowden.live.mcap_log import MAGIC, Event, LogFile, about, checksum, topics
-from bowden.live.mcap_read import read
-from bowden.live.mcap_recover import recover
+from bowden.live.mcap_read import read, recover
 from bowden.live.ring import Description
 from bowden.safety.faults import Fault
 from bowden.views.log import lines

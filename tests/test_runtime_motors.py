@@ -197,7 +197,7 @@ def test_no_motor_is_armed_while_another_is_latched_and_an_acknowledgement_is_fo
             rig.block.ask(Request.ACKNOWLEDGE)
 
     rig = MotorsRig(tmp_path, LAW, latched=(None, 2.0**Fault.SLACK), between=between, seconds=0.5, quits=400)
-    rig.asks = (10, 150)
+    rig.arms = (10, 150)
     ended, rows = rig.run()
     hip, knee = rows.parts.values()
     assert Mode(ended.mode) == Mode.STOPPED

@@ -25,8 +25,7 @@ from mcap.stream_reader import StreamReader
 from bowden.core.clock import MonotonicClock
 from bowden.core.errors import LogError, OutputError
 from bowden.live import child, recorder, summary
-from bowden.live.mcap_read import read
-from bowden.live.mcap_recover import recover
+from bowden.live.mcap_read import read, recover
 from bowden.live.provenance import rig_revision
 from bowden.live.ring import Batch, Description, RecorderState, RingReader, RingWriter, create
 from bowden.live.session import Session

@@ -17,7 +17,6 @@ ARM, RUN, STOP, ACKNOWLEDGE = list(Request)[1:]
 
 @pytest.mark.parametrize(("motors", "bursts"), [(1, 1500), (2, 500)])
 def test_no_stop_is_lost_in_a_storm_of_requests(motors: int, bursts: int, tmp_path: Path) -> None:
-    """Ten thousand in ``make soak``."""
     storm = Storm(tmp_path, 1, motors, bursts)
     storm.loop.run()
     assert storm.modes == set(Mode) - {Mode.BRIDGING}

@@ -3,17 +3,15 @@
 import ast
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
 
-from bowden.core.kernel import compiled
 from bowden.core.nested import flat, names
-from bowden.core.signals import EMERGENCY_STOP, DriveReading
+from bowden.core.signals import DriveReading
 from bowden.hardware.ports import Power
-from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import ThermalState, cold, rested, warm
 from bowden.safety import faults
 from bowden.safety.faults import AT_ONCE, EVENTUALLY, LATCHING, Fault, Reaction, bits_of, of, worst_reaction
@@ -163,23 +161,6 @@ def test_a_drive_that_keeps_its_torque_is_found_in_every_mode_without_power(keep
         assert {v.faults for v in follow(innocent, LIMITS, stopped)} == {0.0}
 
 
-PULLS_UNPOWERED = [(1.2, NAN, 1, True), (1.2, 2.0, 0, True), (1.2, 0.0, 1, False), (0.9, NAN, 1, False)]
-PULLS_UNPOWERED += [(-9.0, NAN, 1, False)]
-"""Speed [rad/s], current [A], whether it is measured, whether the drive is found to have torque."""
-
-
-@pytest.mark.parametrize("row", PULLS_UNPOWERED)
-def test_a_motor_that_pulls_without_power_is_found_where_its_current_is_unknown(
-    row: tuple[float, float, float, bool],
-) -> None:
-    """Not one that a limb drags, or that a hand turns, which is slower or has a current of nothing."""
-    speed, current, measured, found = row
-    limits = LIMITS._replace(measures_current=bool(measured))
-    turned = [(seen(drive_state=1.0, current=current, motor=0.5 + speed * DT * i), 0.5) for i in range(150)]
-    verdicts = follow(turned, limits, begin(limits, READING, COLD))
-    assert any(Fault.NOT_DISABLED in of(verdict.faults) for verdict in verdicts) is found
-
-
 def test_a_late_cycle_is_judged_by_when_its_sample_was_taken() -> None:
     """Cycle 100 is 6 ms late: it reads what was sampled in time, and the next one what was sampled 7 ms later."""
     speed = 0.9 * LIMITS.joint_speed
@@ -201,40 +182,6 @@ def test_a_late_cycle_is_judged_by_when_its_sample_was_taken() -> None:
     }, "what it is without the sample's age"
 
 
-def test_a_reading_after_a_gap_is_judged_by_the_whole_gap() -> None:
-    """At 7 rad/s, with two of three readings missing."""
-    rows = []
-    for k in range(90):
-        way = 0.5 + 7.0 * DT * (k - k % 3)
-        rows.append((seen(motor=way, joint=0.9 * way, motor_age=k % 3, joint_age=k % 3), 0.5))
-    loose = LIMITS._replace(jump=1e-6, tracking=9.0, joint_speed=6.5, motor_speed=7.5)
-    assert {v.faults for v in follow(rows, loose, running(loose))} == {0.0}
-
-
-def moving(limits: Limits = LIMITS) -> Iterator[Cycle]:
-    """The law swings the motor; the servo follows it as its model says."""
-    state, command, before = running(limits), 0.5, 0.5
-    x, v = 0.5, 0.0
-    for k in range(400):
-        x, v = servo_predict(x, v, before, limits.servo_frequency, limits.servo_damping, DT)
-        before, command = command, 0.5 + 0.45 * math.sin(15.0 * k * DT)
-        yield seen(motor=x, joint=0.9 * x, current=2.0 + x), command
-    assert state
-
-
-def moved(**changes: Callable[[int, float], float]) -> list[Cycle]:
-    """The same with what an encoder makes of it: name → function of the cycle and the true value."""
-    rows = []
-    for k, (observed, requested_target) in enumerate(moving()):
-        wrong = {name: change(k, getattr(observed.reading, name)) for name, change in changes.items()}
-        rows.append((observed._replace(reading=observed.reading._replace(**wrong)), requested_target))
-    return rows
-
-
-def test_motion_in_order_trips_nothing() -> None:
-    assert {(v.mode, v.faults) for v in follow(moving())} == {(Mode.RUNNING, 0.0)}
-
-
 def strokes(degrees: float, cycles: int = 3000) -> list[Cycle]:
     """The motor swings to and fro by so much in all, the joint's encoder stands still."""
     rows, half = [], 0.5 * math.radians(degrees)
@@ -249,159 +196,6 @@ def test_an_encoder_that_is_frozen_is_found_in_strokes_longer_than_the_dead_zone
     for degrees, found in ((12.0, True), (10.0, False)):
         verdicts = follow(strokes(degrees), limits, running(limits))
         assert any(Fault.JOINT_FROZEN in of(v.faults) for v in verdicts) is found
-
-
-def pushed(joint: bool, motor: bool, speed: float) -> list[Cycle]:
-    way = [0.5 + speed * DT * k for k in range(400)]
-    return [(seen(motor=x if motor else 0.5, joint=0.9 * x if joint else 0.45), 0.5) for x in way]
-
-
-def fast_target(speed: float) -> list[Cycle]:
-    """A motor and its target, going up fast: within the model, within the reach."""
-    rows, x, v, before, command = [], 0.5, 0.0, 0.5, 0.5
-    for _ in range(140):
-        x, v = servo_predict(x, v, before, LIMITS.servo_frequency, LIMITS.servo_damping, DT)
-        before, command = command, min(1.9, command + speed * DT)
-        rows.append((seen(motor=x, joint=0.45), command))
-    return rows
-
-
-def warm_motor(**nodes: float) -> SupervisorState:
-    state = running()
-    return state._replace(heat=state.heat._replace(**nodes))
-
-
-def reversal() -> list[Cycle]:
-    """Targets near enough and slow enough each, but against a motor that runs the other way."""
-    rows, x, v, before, command = [], 0.5, 0.0, 0.5, 0.5
-    for k in range(60):
-        x, v = servo_predict(x, v, before, LIMITS.servo_frequency, LIMITS.servo_damping, DT)
-        before, command = command, max(-0.1, command - 0.1) if k < 24 else min(1.9, command + 0.19)
-        rows.append((seen(motor=x, joint=0.45), command))
-    return rows
-
-
-ALONE: dict[Fault, list[Cycle]] = {
-    Fault.JOINT_LOST: lasting(9, joint=NAN),
-    Fault.JOINT_JUMP: lasting(9, joint=0.56),
-    Fault.JOINT_STALE: lasting(9, joint_age=3.0),
-    Fault.JOINT_FROZEN: moved(joint=lambda k, joint: 0.45),
-    Fault.JOINT_MOTOR_MISMATCH: moved(joint=lambda k, joint: joint - 0.002 * k),
-    Fault.JOINT_OVER_TRAVEL: moved(joint=lambda k, joint: joint),
-    Fault.JOINT_OVER_SPEED: pushed(joint=True, motor=False, speed=12.0)[:30],
-    Fault.MOTOR_LOST: lasting(9, motor=NAN),
-    Fault.MOTOR_JUMP: lasting(9, motor=0.62),
-    Fault.MOTOR_STALE: lasting(9, motor_age=3.0),
-    Fault.NOT_FOLLOWING: pushed(joint=False, motor=True, speed=1.0)[:200],
-    Fault.MOTOR_OVER_TRAVEL: [],
-    Fault.MOTOR_OVER_SPEED: fast_target(25.0),
-    Fault.CURRENT_LOST: lasting(9, current=NAN),
-    Fault.OVER_CURRENT: lasting(9, current=-20.5),
-    Fault.SATURATED: lasting(60, current=19.5),
-    Fault.I2T: lasting(200, current=18.0),
-    Fault.MOTOR_HOT: lasting(9),
-    Fault.DRIVE_HOT: lasting(9, temperature=81.0),
-    Fault.TENSION_LOST: lasting(9, tension=NAN),
-    Fault.OVER_TENSION: lasting(9, tension=151.0),
-    Fault.SLACK: lasting(60, tension=1.0),
-    Fault.HEARTBEAT_LOST: lasting(9, heartbeat_age=0.051),
-    Fault.NOT_ENABLED: [],
-    Fault.DRIVE_DROPPED: lasting(9, drive_state=1.0),
-    Fault.DRIVE_FAULT: lasting(9, drive_state=6.0),
-    Fault.EMERGENCY: lasting(9, emergency=0x8130),
-    Fault.BUS_ERRORS: [(seen(bus_errors=float(k)), 0.5) for k in range(9)],
-    Fault.LATE: lasting(9, lateness=0.021),
-    Fault.CLOCK: lasting(9, elapsed=0.0),
-    Fault.TARGET_LOST: lasting(9, requested_target=2.001),
-    Fault.TARGET_STEP: lasting(9, requested_target=0.701),
-    Fault.TARGET_TOO_FAR: [(seen(), 0.5 + 0.15 * min(k, 7)) for k in range(16)],
-    Fault.TARGET_TOO_HARD: reversal(),
-    Fault.OPERATOR_LOST: lasting(9, operator_age=1.001),
-    Fault.PREFLIGHT_FAILED: lasting(9, preflight=-1.0),
-    Fault.RECORDER_LOST: lasting(9, recorder=0.0),
-    Fault.EMG_LOST: lasting(9, emg_age=0.201),
-    Fault.NOT_DISABLED: lasting(60, drive_state=5.0),
-    Fault.SECOND_MASTER: lasting(9, foreign=1.0),
-    Fault.EMERGENCY_STOP: lasting(9, emergency=EMERGENCY_STOP),
-    Fault.CURRENT_STUCK: moved(current=lambda k, current: 2.0),
-    Fault.RELEASE_PULLS: [],
-    Fault.OTHER_RELEASED: lasting(9, others=2.0),
-    Fault.OTHER_OFF: lasting(9, others=3.0),
-    Fault.TORQUE_LOST: lasting(9, joint_torque=NAN),
-    Fault.OVER_TORQUE: lasting(9, joint_torque=-15.1),
-    Fault.LOAD_STUCK: moved(tension=lambda k, tension: 20.0),
-    Fault.MOTORS_APART: lasting(1, neighbour=0.5) + lasting(60, neighbour=0.0),
-    Fault.JOINT_OFF_REFERENCE: lasting(60, reference=1.1),
-    Fault.JOINT_UNSURE: lasting(9, joint_std=0.16),
-}
-"""Each fault as the only one, or the first: what shows it."""
-
-
-def situation(fault: Fault) -> tuple[Limits, SupervisorState, list[Cycle]]:
-    """Limits, a state and cycles in which a fault shows by itself."""
-    limits, cycles = LIMITS, ALONE[fault]
-    state = running()
-    if fault == Fault.JOINT_OVER_TRAVEL:
-        limits = limits._replace(joint_high=0.6)
-        cycles = moved(joint=lambda k, joint: joint)
-    elif fault == Fault.MOTOR_OVER_TRAVEL:
-        limits = limits._replace(motor_high=0.52)
-        cycles = [(seen(motor=0.5 + min(0.08, 0.001 * k)), 0.5) for k in range(100)]
-    elif fault == Fault.MOTOR_HOT:
-        state = warm_motor(winding=limits.winding_limit + 1.0)
-    elif fault == Fault.I2T:
-        state = warm_motor(i2t=700.0)
-    elif fault == Fault.NOT_DISABLED:
-        state = begin(limits, READING, COLD)
-    elif fault == Fault.RELEASE_PULLS:
-        limits = limits._replace(slack_sign=1.0, tracking=9.0)
-        rows = [(seen(motor=0.5 + 5 * DT * k, joint=0.45 + 4.5 * DT * k), 0.5) for k in range(40)]
-        cycles = [*lasting(1, request=Request.STOP), *rows]
-    elif fault == Fault.MOTORS_APART:
-        limits = limits._replace(shared=True)
-    elif fault == Fault.JOINT_UNSURE:
-        limits = limits._replace(estimates_joint=True)
-    elif fault == Fault.JOINT_OFF_REFERENCE:
-        limits = limits._replace(off_reference_time=0.05)
-    elif fault == Fault.TARGET_TOO_FAR:
-        limits = limits._replace(acceleration=1e9)
-    elif fault == Fault.MOTOR_OVER_SPEED:
-        limits = limits._replace(play=9.0, joint_still=-1.0, target_reach=9.0)
-    elif fault == Fault.TARGET_TOO_HARD:
-        limits = limits._replace(target_reach=9.0, play=9.0, joint_still=-1.0)
-    elif fault in (Fault.NOT_ENABLED, Fault.PREFLIGHT_FAILED):
-        limits = limits._replace(enable_time=0.1)
-        state = begin(limits, READING, COLD)
-        state, _ = supervise(limits, state, seen(request=Request.ARM, drive_state=1.0, preflight=0.0), 0.5, DT)
-        if fault == Fault.NOT_ENABLED:
-            cycles = lasting(150, drive_state=2.0, preflight=0.0)
-    return limits, state, cycles
-
-
-@pytest.mark.parametrize("fault", list(Fault), ids=lambda fault: fault.name)
-def test_each_fault_is_seen_first_and_has_its_reaction_in_its_time(fault: Fault) -> None:
-    limits, state, cycles = situation(fault)
-    verdicts = follow(cycles, limits, state)
-    first = next(k for k, v in enumerate(verdicts) if v.faults)
-    assert fault in of(verdicts[first].faults)
-    assert fault.at_once != Reaction.R1 or verdicts[first].reaction == Reaction.R1
-    last = verdicts[min(first + round(fault.within / DT), len(verdicts) - 1)]
-    if fault.then == Reaction.NONE:
-        assert {v.mode for v in verdicts} == {Mode.RUNNING}
-    else:
-        assert last.reaction >= fault.then
-        assert last.power == Power.OFF if fault.then == Reaction.R3 else last.mode >= Mode.RELEASING
-
-
-@pytest.mark.parametrize("fault", list(Fault), ids=lambda fault: fault.name)
-def test_compiled_and_interpreted_agree_in_every_bit(fault: Fault) -> None:
-    limits, state, cycles = situation(fault)
-    twin, other = compiled(supervise), state
-    for observed, requested_target in cycles[:300]:
-        state, verdict = supervise(limits, state, observed, requested_target, DT)
-        other, same = twin(limits, other, observed, requested_target, DT)
-        assert tuple(map(float, verdict)) == tuple(map(float, same))
-        assert flat(state) == flat(other)
 
 
 def test_the_table_of_faults_holds_together() -> None:

@@ -155,9 +155,9 @@ def test_rest_is_learned_below_what_leaves_the_evidence_as_it_is_and_while_there
     before = state(rest=rest, phase=phase, null=null, strength=strength)
     before = before._replace(evidence=before.evidence._replace(onset=evidence))
     bound = strength / DEFAULTS.ratio**2
+    assert parts.bound_of_rest(ONSET, strength) == pytest.approx(bound)
+    assert parts.bound_of_rest(ONSET, 0.0) == math.inf
     bound = bound if bound > math.exp(rest.level) else math.inf
-    assert parts.bound_of_rest(ONSET, rest, strength) == pytest.approx(bound)
-    assert parts.bound_of_rest(ONSET, rest, 0.0) == math.inf
     speed = parts.learning_speed(ONSET, before, power, dead)
     if phase == Phase.CONTRACTION or dead:
         assert speed == 0.0
@@ -172,7 +172,8 @@ def test_the_largest_rest_is_its_level_and_doubt_as_far_as_a_contraction_bounds_
     rest: RestEstimate, limit: float, bound: float
 ) -> None:
     sure = math.exp(rest.level + of.SURE * math.sqrt(rest.spread))
-    most = min(math.exp(rest.level + limit), max(sure, bound))
+    below = max(sure, bound) if bound > math.exp(rest.level) else math.inf
+    most = min(math.exp(rest.level + limit), below)
     assert parts.largest_rest(ONSET, rest, limit, bound) == pytest.approx(max(most, ONSET.weakest))
 
 

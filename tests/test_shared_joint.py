@@ -14,7 +14,7 @@ from bowden.core.kernel import kernel
 from bowden.core.signals import DriveState, Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, TargetSource
-from bowden.hardware.drives.families.cia402 import motor_scale
+from bowden.hardware.drives.scale import motor_scale
 from bowden.hardware.twin.bench import SharedJoint, TwinBench
 from bowden.hardware.twin.of_rig import mirrored, played
 from bowden.live.live_run import live_run, with_co_contraction
@@ -211,17 +211,17 @@ def test_a_torn_agonist_ends_the_run_and_a_torn_antagonist_is_unseen_while_the_l
 
 def test_the_twin_is_one_joint_between_its_drives(tmp_path: Path) -> None:
     (joint,) = rig_of(tmp_path, ELBOW.replace("4.0", "0.0")).each_joint
-    flexor, extensor = played(joint, 0.0)
-    assert motor_scale(flexor.drive).angle(1000.0) == pytest.approx(-motor_scale(extensor.drive).angle(1000.0))
-    assert flexor.plant.joint == pytest.approx(-extensor.plant.joint)
-    for plant, way in ((flexor.plant, 1.0), (extensor.plant, -1.0)):
+    (flexor_drive, flexor), (extensor_drive, extensor) = played(joint, 0.0)
+    assert motor_scale(flexor_drive).angle(1000.0) == pytest.approx(-motor_scale(extensor_drive).angle(1000.0))
+    assert flexor.joint == pytest.approx(-extensor.joint)
+    for plant, way in ((flexor, 1.0), (extensor, -1.0)):
         plant.doing, plant.command = 1, way * 0.5 + C
     for k in range(400):
-        flexor.plant.advance(1e-3 * k)
-        extensor.plant.advance(1e-3 * k)
-    assert flexor.plant.tension > 3.0
-    assert extensor.plant.tension > 3.0
-    assert 0.2 < flexor.plant.joint < 0.6
+        flexor.advance(1e-3 * k)
+        extensor.advance(1e-3 * k)
+    assert flexor.tension > 3.0
+    assert extensor.tension > 3.0
+    assert 0.2 < flexor.joint < 0.6
 
 
 def test_three_motors_take_one_joint_along_its_reference(tmp_path: Path) -> None:
@@ -307,7 +307,7 @@ def test_motors_that_hang_apart_before_a_run_come_together_unblamed(tmp_path: Pa
             bench._motion = bench._motion._replace(position=-1.4)
 
     run = shared_run(tmp_path, rig, between=left)
-    run.asks = (100,)  # once what moved it has been forgotten
+    run.arms = (100,)  # once what moved it has been forgotten
     ended, rows = run.run()
     part = rows.parts["flexor"]
     apart = np.degrees(0.5 * np.abs(part["motor"] - part["neighbour"]))

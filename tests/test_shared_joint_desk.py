@@ -31,7 +31,7 @@ from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
-from bowden.plants.cables import as_cable_plant, play
+from bowden.plants.cables import play
 from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.sim.joint import CabledJoint, JointMotor, simulate_joint
@@ -94,7 +94,7 @@ def test_the_shares_are_the_slopes_of_the_balance(ends: tuple[float, ...], taut:
 def test_two_like_cables_without_a_load_are_one_cable() -> None:
     bench = quiet(BENCH)
     both = simulate_joint(joint_of(bench, bench, contraction=0.0), (LAW, LAW), MOTION, duration=4.0)
-    alone = simulate(as_cable_plant(bench), LAW, MOTION, duration=4.0)
+    alone = simulate(bench, LAW, MOTION, duration=4.0)
     for trace in both:
         for name in ("joint", "motor", "command"):
             assert np.allclose(trace[name], alone[name], atol=1e-9), name
@@ -268,7 +268,7 @@ def test_laws_that_hold_alone_and_part_on_one_joint_do_not_hold() -> None:
 def test_sides_of_different_equations_are_refused_in_a_line() -> None:
     with pytest.raises(ParameterError, match="have the laws bowden and adaptive; expected one law for all"):
         simulate_joint(joint_of(), (LAW, LAWS["adaptive"]), MOTION, duration=1.0)
-    other: Any = as_cable_plant(BENCH)._replace(cable=play(Play(0.9, 0.05, 0.0)))
+    other: Any = BENCH._replace(cable=play(Play(0.9, 0.05, 0.0)))
     with pytest.raises(ParameterError, match="of the kinds bouc_wen and play; expected one kind for all"):
         simulate_joint(joint_of(BENCH, other), (LAW, LAW), MOTION, duration=1.0)
     with pytest.raises(ParameterError, match="push has the shape"):

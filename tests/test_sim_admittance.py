@@ -21,9 +21,9 @@ from bowden.design.felt import felt
 from bowden.models.suit.arm import GRAVITY, NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
 from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_of
 from bowden.plants.presets.suit import suit
+from bowden.plants.pushing import ANGLES, behind, friction_of, limit_for, ports_of, push_of
 from bowden.plants.suit_linear import linear_suit
 from bowden.plants.suit_parts import prepare_suit
-from bowden.plants.suit_push import ANGLES, behind, friction_of, limit_for, ports_of, push_of
 from bowden.sim.run import simulate
 from support.pushed_suit import (
     MIDDLE,

@@ -25,20 +25,11 @@ from bowden.models.suit.flex_sensor import PAPER_FLEX, FlexSensor, flex_step
 from bowden.models.suit.geometry import extensor_extension, flexor_extension
 from bowden.models.suit.load_cell import CURRENT_NOISE, cell_reading
 from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_of
-from bowden.models.suit.suit_cable import Fabric, Pull, fabric_tension, give, pull_suit_cable, start_suit_cable
+from bowden.models.suit.suit_cable import TAUT, Fabric, Pull, fabric_tension, give, pull_suit_cable, start_suit_cable
 from bowden.plants.plant import sheath_path, sheath_state
+from bowden.plants.pushing import friction_of
 from bowden.plants.suit_parts import Suit, prepare_suit
-from bowden.plants.suit_plant import (
-    STOP_DAMPING,
-    STOP_STIFFNESS,
-    TAUT,
-    Bends,
-    SuitState,
-    suit_motor,
-    suit_start,
-    suit_step,
-)
-from bowden.plants.suit_push import friction_of
+from bowden.plants.suit_plant import STOP_DAMPING, STOP_STIFFNESS, Bends, SuitState, suit_motor, suit_start, suit_step
 from bowden.plants.suit_settings import SuitSettings
 from bowden.plants.worn_suit import elbow_dead_zone
 from bowden.records.trace import Trace
@@ -240,7 +231,6 @@ def test_a_sub_step_is_newtons_law_at_spool_and_elbow_under_the_cables_pull(
     assert (after.extensor, after.extensor_pull) == pull_suit_cable(
         made.extensor, begun.extensor, -r_e * before, -r_e * now, ends[1], *sheath
     )
-    assert after.motor_heat == warm(made.thermal, begun.motor_heat, after.spool.current, dt)
 
 
 def test_a_cycle_is_its_sub_steps_along_the_bend_and_begins_with_one_tension_in_each_cable() -> None:
@@ -251,7 +241,7 @@ def test_a_cycle_is_its_sub_steps_along_the_bend_and_begins_with_one_tension_in_
     single, state = made._replace(substeps=1), begun
     for bend in (2.3, 2.4, 2.5):
         state = suit_step(single, state, 0.6, True, Bends(0.0, bend), PUSHING, 1e-3)
-    assert flat(whole._replace(motor_heat=state.motor_heat)) == pytest.approx(flat(state), rel=1e-9)
+    assert flat(whole) == pytest.approx(flat(state), rel=1e-9)
     factor, spool = slope_factor(2.2 + UNEVEN.posture * 0.5, UNEVEN.sheath), begun.spool.position
     for cable, memory, pulled, end in (
         (made.flexor, begun.flexor, made.map.radius * spool, flexor_travel(0.5, made.map)),
@@ -274,7 +264,7 @@ def test_an_elbow_loses_what_its_spool_does_and_a_braked_motor_is_no_faster_than
     braked = SUIT._replace(brake=HoldingBrake(0.1), motor=SUIT.motor._replace(supply=36.0)).dynamics().plant
     least = min(flexor_arm(angle, made.map) for angle in np.linspace(0.0, 2.0, 50))
     assert braked.speed * least == pytest.approx(SUIT.spool_radius * 36.0 / (SUIT.motor.gear * 16.7e-3))
-    held, free = braked.held.motor.friction, braked.worn.suit.motor.friction
+    held, free = braked.held.motor.friction, braked.suit.motor.friction
     assert held - free == pytest.approx(SUIT.motor.gear * 0.1)
 
 
@@ -289,12 +279,14 @@ def test_noise_of_current_and_load_cell_leaves_that_of_the_angles_as_it_is() -> 
 def test_what_a_worn_suit_shows_is_where_it_is_behind_its_sensors() -> None:
     suit = UNEVEN._replace(joint_sensor=PAPER_FLEX, motor_encoder=Encoder(1e-3, 2e-3), wearer=PUSHING)
     plant = suit.dynamics()
-    body = plant.advance(plant.plant, plant.rest(plant.plant._replace(settling=20), 0.4, PI), 0.6, PI, PI)
+    rested = plant.rest(plant.plant._replace(settling=20), 0.4, PI)
+    body = plant.advance(plant.plant, rested, 0.6, PI, PI)
+    assert body.heat == warm(suit.thermal, rested.heat, body.suit.spool.current, suit.sample_time)
     state, normals = body.suit, np.array([0.3, -0.4, 0.5, -0.6, 0.7])
     after, seen = plant.observe(plant.plant, body, normals)
     flex, joint = flex_step(PAPER_FLEX, body.flex, state.joint, 0.3, -0.4, suit.sample_time)
     motor = suit_motor(plant.plant.suit, state)
-    assert after == (state, flex)
+    assert after == (state, flex, body.brake, body.heat)
     assert seen[:2] == (joint, reading(motor, 0.5, suit.motor_encoder))
     assert seen.current == state.spool.current - 0.6 * CURRENT_NOISE
     assert seen.load == cell_reading(suit.load_cell, state.interaction, 0.7)
@@ -303,7 +295,7 @@ def test_what_a_worn_suit_shows_is_where_it_is_behind_its_sensors() -> None:
     shown = dict(zip(plant.columns, plant.look(plant.plant, body), strict=True))
     expected = (state.joint, motor, spool.velocity, state.joint_velocity, spool.position)
     expected += (pulls[0].joint, pulls[0].motor, pulls[1].joint, pulls[1].motor)
-    assert tuple(shown.values()) == (*expected, state.interaction, state.wearer, state.motor_heat.winding)
+    assert tuple(shown.values()) == (*expected, state.interaction, state.wearer, body.heat.winding)
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from bowden.core.errors import BowdenError, LogError, OutputError, ParameterError
-from bowden.records.trace import LED, Trace
-from bowden.records.traces import Traces
+from bowden.records.trace import LED, Trace, Traces
 
 KINDS = ("npz", "csv", "parquet")
 doubles = st.floats(width=64, allow_nan=False) | st.just(float("nan"))  # one NaN: its payload is not part of the value

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS, user_law
-from bowden.control.law_file import load
+from bowden.control.law_file import LawFile, load
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.core import user_file
+from bowden.core import own_file, user_file
 from bowden.core.errors import OutputError, ParameterError, StreamError
 from bowden.design.rig_of_bench import toml_text
 from bowden.models.cable.sheath_path import constant_bend
@@ -164,7 +164,7 @@ def with_modules(folder: Path, gain: float) -> Path:
 def test_what_a_file_imports_is_part_of_the_rig_and_an_edit_of_it_makes_another(tmp_path: Path) -> None:
     path = with_modules(tmp_path / "a", 5.0)
     rig = Rig(law=str(path))
-    assert [one.file for one in user_file.modules_of(path, path.read_bytes())] == [
+    assert [one.file for one in own_file.modules_of(path, path.read_bytes())] == [
         "lab/__init__.py",
         "lab/gain.py",
         "shared.py",
@@ -238,13 +238,13 @@ def test_a_rig_whose_file_is_gone_runs_a_copy_and_says_so(tmp_path: Path) -> Non
     helper = path.parent / "shared.py"
     helper.write_text(f"{helper.read_text()}\ndef fail():\n    raise ValueError('far')\n")
     file = Rig.unpack(Rig(law=str(path)).pack()).law
-    assert user_file.restored(path, file.source, "laws", file.modules).path == path
+    assert file.restored() == file
     shutil.rmtree(path.parent)
-    copied = user_file.restored(path, file.source, "laws", file.modules)
+    copied = file.restored()
     with pytest.raises(ValueError, match="far") as caught:
-        user_file.run(copied, "law").shared.fail()
-    said = str(user_file.mistake(caught.value, copied.path))
-    place = copied.path.parent / "shared.py"
+        user_file.run(copied).shared.fail()
+    said = str(user_file.mistake(caught.value, Path(copied.path)))
+    place = Path(copied.path).parent / "shared.py"
     assert said.startswith(f"{place}, line 8: ValueError: far; this is the rig's copy: correct the file from which")
 
 
@@ -274,8 +274,7 @@ def test_the_same_words_in_another_folder_are_another_file(tmp_path: Path) -> No
         (tmp_path / play / "play.txt").write_text(play)
         (tmp_path / play / "helper.py").write_text(helper)
         (tmp_path / play / "own.py").write_text("import helper\n\nPLAY = helper.PLAY\n")
-        file = user_file.found(tmp_path / play / "own.py", "law")
-        found.append(user_file.run(file, "law").PLAY)
+        found.append(user_file.run(LawFile.seen(str(tmp_path / play / "own.py"))).PLAY)
     assert found == [0.05, 0.2]
 
 

@@ -15,9 +15,8 @@ from recordings import Recording
 from scipy.optimize import differential_evolution, least_squares, minimize_scalar
 
 import bowden
-from bowden.identify.cable.one_log import follow
-from bowden.identify.cable.path import path_of
-from bowden.identify.cable.turns import motor_noise, reversals
+from bowden.identify.cable.path import build_path
+from bowden.identify.cable.turns import find_turns, motor_noise, reversals
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -48,8 +47,8 @@ def ours(given: Recording) -> Learned:
     fit = bowden.identify(given.time, given.motor, given.joint, unit="rad")
 
     def predict(asked: Recording) -> Array:
-        path = path_of(asked.time, asked.motor, asked.joint, len(asked.time), motor_noise(asked.motor))
-        return follow(fit.best, path, asked.time)
+        path = build_path(asked.time, asked.motor, asked.joint, find_turns(asked.motor), len(asked.time))
+        return path.at(asked.time, fit.best.joint_angle(path.motor))
 
     return Learned(predict, fit.chosen.fitted_count)
 

@@ -60,7 +60,7 @@ def test_a_hint_of_where_the_rig_is_finds_the_turn_after_a_restart() -> None:
     node.faults.inject(parse("turns_lost 2"))
     bus.advance(1e-3)
     parameters = rig.drive_parameters._replace(home="hint", motor_hint=node.bench.motor + 0.1)
-    drive = family_of(parameters).open(parameters, Links(bus))
+    drive = family_of(parameters).open(parameters, Links(bus, bus))
     drive.bring_up()
     for _ in range(20):
         reading = drive.read(bus.time)

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.export.readme import FLAGS as CHECKED
-from bowden.export.readme import TARGETS
+from bowden.export.files import FLAGS as CHECKED
+from bowden.export.files import TARGETS
 
 SIZE, EMULATOR = "arm-none-eabi-size", "qemu-system-arm"
 COMPILER, *FLAGS = f"{TARGETS['cortex-m4f'].compiler} {CHECKED} -ffunction-sections".split()

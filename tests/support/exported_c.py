@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.export.files import files, results_of
-from bowden.export.kinds import is_number, numbers
-from bowden.export.readme import FLAGS
-from bowden.export.unit import Constant, Module, Unit
+from bowden.export.files import FLAGS, files, results_of
+from bowden.export.unit import Module, Unit, is_number, numbers
 
 COMPILER = shutil.which("cc")
 Array = NDArray[np.float64]
@@ -65,12 +63,11 @@ class Exported:
     def __init__(self, module: Module, name: str, begin: str, folder: Path, *, single: bool = False) -> None:
         write(module, folder, single=single)
         unit = Unit(module, single=single)
-        (public,) = (one for one in module.functions if one.name == name)
-        _, kinds, _ = results_of(unit, public)
-        given = [pair for pair in public.kinds.items() if not isinstance(public.given.get(pair[0]), Constant)]
+        (kernel, results), (_, kinds, _) = module.functions[name], results_of(unit, name)
+        names = results.split()
+        given = [pair for pair in module.arguments(kernel).items() if pair[0] not in module.constants]
         results = [
-            (f"got_{called}" if called != "state" else called, kind)
-            for called, kind in zip(public.results, kinds, strict=True)
+            (f"got_{called}" if called != "state" else called, kind) for called, kind in zip(names, kinds, strict=True)
         ]
         declared = {called: unit.type(kind) for called, kind in (*given, *results)}
         read, written = [], []
@@ -81,10 +78,10 @@ class Exported:
             written += [f"        *out++ = (double){way};" for way, _ in numbers(kind, called)]
         self.width = len(written)
         texts = [called if is_number(kind) else f"&{called}" for called, kind in given if called != "state"]
-        outs = [f"&got_{called}" for called in public.results if called not in ("state", "return")]
-        states = ["&state"] if "state" in public.results else []
+        outs = [f"&got_{called}" for called in names if called not in ("state", "return")]
+        states = ["&state"] if "state" in names else []
         call = f"{module.prefix}_{name}({', '.join([*states, *texts, *outs])})"
-        if "return" in public.results:
+        if "return" in names:
             call = f"got_return = {call}"
         text = DRIVER.format(
             prefix=module.prefix,

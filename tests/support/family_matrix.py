@@ -257,7 +257,7 @@ def react(
     began, before, torque_off, at, pulled, moved = [np.nan], [np.nan], [np.nan], [np.nan], [0.0], [0.0]
     if onset is None:
         begin()
-    drive = open_drive(rig.drive_parameters, rig.load_cell, Links(bus))
+    drive = open_drive(rig.drive_parameters, rig.load_cell, Links(bus, bus))
     drive.bring_up()
     table = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, PERIOD).sample(np.arange(4000 + 1000 * int(onset or 0)) * 1e-3)
     checks = Preflight(tension=limits.measures_tension, torque=limits.measures_torque)

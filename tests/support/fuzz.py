@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bowden.control.law_file import LawFile
+from bowden.core.clock import MonotonicClock
 from bowden.core.errors import BowdenError, DriveError
 from bowden.hardware.buses.packets import PROTOCOLS, PacketReader
 from bowden.hardware.drives import canopen_dialogue, canopen_frames, emergencies
@@ -300,6 +301,8 @@ def _of_mcap(path: Path) -> None:
 
 class _Hostile:
     """A bus on which a node answers every question with the next eight bytes that it was given."""
+
+    clock = MonotonicClock()
 
     def __init__(self, data: bytes) -> None:
         self._answers = [data[at : at + 8] for at in range(0, min(len(data), 2000), 8)]

@@ -18,12 +18,9 @@ from bowden.core.clock import SECOND
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading, Reference
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
-from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
-from bowden.live import control_block, ring
-from bowden.live.control_block import ControlBlock
-from bowden.live.loop import Loop, MotorParts
-from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
+from bowden.live.loop import Loop, LoopMotor
+from bowden.live.ring import RecorderState, Report
 from bowden.live.row import AT, columns, description
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.thermal import cold
@@ -32,6 +29,7 @@ from bowden.plants.plant import sheath_at
 from bowden.safety.state import Mode, Request
 from bowden.sim.injected import Injected
 from bowden.sim.run import inputs_of
+from loop_rig import surroundings
 from support.fault_matrix import AFTER, LAST, MEASURED, REFERENCE, begins
 from support.injected_drive import drive_moved, drive_read, drive_reading, drive_start, of_plant, settings_of
 from support.injection import HOUR, asleep, misled_gains, misled_kernels
@@ -127,15 +125,13 @@ class InjectedLoop:
         thermal, normals = cold(MEASURED.thermal), np.zeros(inputs.normals.shape[1])
         self._drive, first = of_plant(drive_reading, dynamics)(self._settings, self._drive, normals)
         about = description(columns(misled_law, emg=True), {}, 0, 0)
-        ring.create(folder / "ring", about, ROWS)
-        shared_memory.create(folder / "block", control_block.WORDS)
-        self._reader, self._block, self._emg = RingReader(folder / "ring"), ControlBlock(folder / "block"), Emg()
+        self._reader, self._block, writer, words = surroundings(folder, about, ROWS)
+        self._emg = Emg()
         cycle = Cycle(misled_law, MEASURED, Filters(), bench.sample_time)
         cycle.begin(first, thermal)
         script: Any = Straight(inputs.references)
         emg: Any = self._emg
-        words = ControlBlock(folder / "block")
-        self.loop = Loop((MotorParts(self, cycle, script, emg),), RingWriter(folder / "ring"), words, self, 0)
+        self.loop = Loop((LoopMotor(self, cycle, script, emg),), writer, words, self, 0)
 
     # the clock
 

@@ -66,7 +66,7 @@ def shared_run(
     """
     live = live_run(rig)
     (joint,) = (twins or rig).each_joint
-    benches: Any = [one.plant for one in played(joint, 1.0)]
+    benches: Any = [plant for _, plant in played(joint, 1.0)]
     return MotorsRig(
         folder,
         live.law,

@@ -1,13 +1,13 @@
 """A CAN bus in this process and at a time of one's own, with any twins' nodes at its other end."""
 
 import math
-import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any, Protocol
 
 import can
 
+from bowden.core.clock import SECOND
 from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.place import BusPlace
@@ -38,7 +38,7 @@ class Node(Protocol):
 
 
 class MemoryBus(can.BusABC):
-    """Time stands still but for `advance` and for waits for a frame, which move it on by a millisecond."""
+    """Time stands still but for `advance` and for waits for a frame; it is the clock of who waits, as well."""
 
     def __init__(self) -> None:
         self.time = 100.0
@@ -74,6 +74,14 @@ class MemoryBus(can.BusABC):
             for node in self._nodes:
                 node.tick(self.time)
 
+    def now(self) -> int:
+        """See `TimeSource`."""
+        return round(self.time * SECOND)
+
+    def sleep_until(self, deadline: int) -> None:
+        """See `TimeSource`."""
+        self.advance(max(0.0, deadline / SECOND - self.time))
+
     def send_frame(self, identifier: int, data: bytes) -> None:
         """Send a frame as the host."""
         self.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
@@ -91,7 +99,7 @@ class MemoryBus(can.BusABC):
     @property
     def port(self) -> BusPort:
         """The host's end, for whoever is brought up alone."""
-        return Links(self).join(BusPlace("memory", "", 0), "any node", lambda _: True)
+        return Links(self, self).join(BusPlace("memory", "", 0), "any node", lambda _: True)
 
     def drain(self) -> list[can.Message]:
         """All frames that wait."""
@@ -102,12 +110,12 @@ class MemoryBus(can.BusABC):
         """Let go of it."""
         self.shutdown()
 
-    def _recv_internal(self, timeout: float | None) -> tuple[Any, bool]:
-        if not self._frames and timeout != 0.0:
-            begin = time.monotonic()
-            time.sleep(1e-4)  # bring-up waits by the clock
-            self.advance(max(1e-3, time.monotonic() - begin))
-        return (self._frames.popleft() if self._frames else None), False
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame, for which time passes."""
+        ends = self.time + (timeout or 0.0)
+        while not self._frames and self.time < ends:
+            self.advance(1e-3)
+        return self._frames.popleft() if self._frames else None
 
 
 class DrivenBus(MemoryBus):
@@ -151,7 +159,7 @@ class DriverLoop(DrivenBus):
         self.node = family_of(drive).node()(drive, plant(self.time), self.put, self.note, overrides)
         self.faults = self.node.faults
         self.attach(self.node)
-        self.drive = family_of(drive).open(drive, Links(self))
+        self.drive = family_of(drive).open(drive, Links(self, self))
 
     def up(self) -> "DriverLoop":
         """Brought up, and following."""

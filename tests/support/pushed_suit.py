@@ -19,8 +19,8 @@ from bowden.control.law import Law
 from bowden.control.reference import PointToPoint
 from bowden.core.units import RADIANS
 from bowden.models.suit.arm import Wearer
+from bowden.plants.pushing import push_of
 from bowden.plants.suit_parts import Suit
-from bowden.plants.suit_push import push_of
 from bowden.records.trace import Trace
 from bowden.sim.run import simulate
 

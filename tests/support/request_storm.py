@@ -10,16 +10,14 @@ from bowden.control import LAWS
 from bowden.core.clock import SECOND
 from bowden.core.signals import DriveReading, DriveState, Reference
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
-from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
-from bowden.live import control_block, ring, row, together
-from bowden.live.control_block import ControlBlock
-from bowden.live.loop import Loop, MotorParts
-from bowden.live.ring import RecorderState, Report, RingReader, RingWriter
+from bowden.live import row, together
+from bowden.live.loop import Loop, LoopMotor
+from bowden.live.ring import RecorderState, Report
 from bowden.models.drive.thermal import cold
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Request
-from loop_rig import PERIOD
+from loop_rig import PERIOD, surroundings
 
 QUICK = Limits()._replace(release_time=2e-3)
 """A release of two cycles: what is asked for is tried in every mode, ten thousand times."""
@@ -101,19 +99,17 @@ class Storm:
         law, names = LAWS["adaptive"], tuple("abc"[:axes]) if axes > 1 else ("",)
         self._columns = together.columns_of_all({name: row.columns(law, together=axes > 1) for name in names})
         self._names = names
-        ring.create(folder / "ring", row.description(self._columns, {}, 0, 0), 64)
-        shared_memory.create(folder / "block", control_block.WORDS)
-        self.reader, self.block, words = RingReader(folder / "ring"), *(ControlBlock(folder / "block") for _ in "12")
+        self.reader, self.block, writer, words = surroundings(folder, row.description(self._columns, {}, 0, 0), 64)
         self.drives = [Rested() for _ in names]
         parts = []
         for drive in self.drives:
             cycle = Cycle(law, QUICK, Filters(), PERIOD / SECOND)
             cycle.begin(drive.read(0.0), cold(QUICK.thermal))
             script: Any = AtOnce()
-            parts.append(MotorParts(drive, cycle, script))
+            parts.append(LoopMotor(drive, cycle, script))
         self._take = words.take
         words.__dict__.update(_words=Interleaved(words._words, self._ask_some), take=self._kept)
-        self.loop = Loop(parts, RingWriter(folder / "ring"), words, self, 0)
+        self.loop = Loop(parts, writer, words, self, 0)
 
     def now(self) -> int:
         return self.time

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from bowden.app import guided_work
-from bowden.console import works
+from bowden.app import works
+from bowden.console.access import parts_of
 from bowden.core.caller import on_a_page, speaking
 from bowden.core.errors import BowdenError
 
@@ -36,7 +36,7 @@ def main() -> int:
         with speaking(on_a_page):
             say("done", WORKS[work](lambda what, share: say("progress", [what, share]), **given))
     except BowdenError as error:
-        say("error", {"what": error.what, "expected": error.expected, "do": error.do})
+        say("error", parts_of(error))
     except Exception as error:  # the page says so; the terminal of the console shows the rest
         say(
             "error",
@@ -146,9 +146,9 @@ WORKS: dict[str, Callable[..., Any]] = {
     "page": page,
     "export": export,
     "curves": works.curves,
-    "identify": guided_work.identified,
-    "identify-servo": guided_work.identified_servo,
-    "tune": guided_work.tuned_rig,
+    "identify": works.identified,
+    "identify-servo": works.identified_servo,
+    "tune": works.tuned_rig,
 }
 """Name → the work."""
 

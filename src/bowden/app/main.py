@@ -23,6 +23,8 @@ _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option or argument; it gives no public name to this class."""
 
 
+_POSIX = ("fcntl", "resource", "termios", "tty")
+"""Modules that Windows has not."""
 _LONGEST = 2000
 """Of the line that says why a command failed [characters]."""
 
@@ -82,6 +84,10 @@ def run(arguments: list[str]) -> int:
     except OSError as error:  # what no command foresaw: a disk that goes away, a standard output that is full
         where = f" ({error.filename})" if error.filename else ""
         return _fail(f"{error.strerror or error}{where}; check the paths and the room on their disk", 2)
+    except ModuleNotFoundError as error:
+        if error.name not in _POSIX:
+            raise
+        return _fail(f"this system has no {error.name}; expected Linux for it; use WSL 2 there", 2)
     except (KeyboardInterrupt, typer.Abort):
         code = 130
     return _fail("interrupted", 130) if code == 130 else int(code or 0)

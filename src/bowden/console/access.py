@@ -15,7 +15,7 @@ from starlette.requests import ClientDisconnect, Request, cookie_parser
 from starlette.responses import JSONResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from bowden.core.errors import BowdenError
+from bowden.core.errors import BowdenError, SafetyError
 
 COOKIE = "bowden_console_{port}"
 """Name of the session's cookie. Browsers send a host's cookies to each of its ports: each console has its own name."""
@@ -82,9 +82,15 @@ class Refused(BowdenError):
         self.status = status
 
 
-def said(error: BowdenError) -> dict[str, dict[str, str]]:
-    """An error in its three parts, as every answer that is one has it."""
-    return {"error": {"what": error.what, "expected": error.expected, "do": error.do}}
+def parts_of(error: BowdenError) -> dict[str, str]:
+    """An error in its three parts."""
+    return {"what": error.what, "expected": error.expected, "do": error.do}
+
+
+def answer(error: BowdenError, headers: dict[str, str] | None = None) -> JSONResponse:
+    """An error as the answer to a request."""
+    status = error.status if isinstance(error, Refused) else 409 if isinstance(error, SafetyError) else 400
+    return JSONResponse({"error": parts_of(error)}, status, headers)
 
 
 def document(text: bytes | str) -> dict[str, Any]:
@@ -142,7 +148,7 @@ class Guard:
         except Refused as refused:
             if scope["type"] == "websocket":
                 await receive()
-            await JSONResponse(said(refused), refused.status, {"connection": "close"})(scope, receive, send)
+            await answer(refused, {"connection": "close"})(scope, receive, send)
             return
         if cookie:
             await RedirectResponse("/", 303, {"set-cookie": cookie})(scope, receive, send)

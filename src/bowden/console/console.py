@@ -9,13 +9,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bowden.console.access import parts_of
 from bowden.console.earlier import EarlierRuns
 from bowden.console.guided import GuidedPath
 from bowden.console.jobs import Jobs
 from bowden.console.lease import Lease, Stamps
 from bowden.console.runs import RunOwner, RunSeen, TerminalRun
 from bowden.console.settings import RunSettings
-from bowden.console.state import VOLATILE, error_of, gains_of, rig_of, run_of
+from bowden.console.state import VOLATILE, gains_of, rig_of, run_of
 from bowden.console.stream import Watch
 from bowden.core.arguments import format_value
 from bowden.core.clock import SECOND
@@ -93,7 +94,7 @@ class Console:
         self._prompt = False
         self.ticked = asyncio.Event()
         """Set, and replaced, at each tick."""
-        self.said: tuple[int, dict[str, Any]] = (0, {})
+        self.newest: tuple[int, dict[str, Any]] = (0, {})
         """Number and content of the newest state, without who asks."""
         self._renewed = 0
         self.stamp = 0
@@ -143,6 +144,7 @@ class Console:
         settings = self._document["settings"]
         if self.path.going == "measure" and run is not None and run["remaining"] is not None:
             self.path.fraction = run["elapsed"] / max(1e-9, run["elapsed"] + run["remaining"])
+        error = seen.error or self.error
         return {
             "rig": self._document["rig"],
             "phase": self.phase,
@@ -154,12 +156,12 @@ class Console:
             "run": run,
             "path": self.path.document(),
             "lease_s": self.lease.limit,
-            "error": error_of(seen.error or self.error),
+            "error": error and parts_of(error),
         }
 
     def for_viewer(self, tab: str) -> dict[str, Any]:
         """The newest state, as one page sees it."""
-        state = dict(self.said[1])
+        state = dict(self.newest[1])
         controller, viewers = state.pop("controller"), state.pop("viewers")
         controls = bool(tab) and self.lease.look(self.owner.clock.now()).holder == tab
         since = None if controller is None else f"since {controller['seconds']:.0f} s"
@@ -207,7 +209,7 @@ class Console:
         state = self.state()
         news = _without_moments(state)
         if news != self._news or moved:
-            self._news, self.said = news, (self.said[0] + 1, state)
+            self._news, self.newest = news, (self.newest[0] + 1, state)
         if fresh:
             self.stamp = self.stamps.issue(looked)
 
@@ -339,10 +341,6 @@ class Console:
         """
         if not isinstance(name, str) or len(name) > _LONGEST_NAME:
             raise ParameterError(f"gain is {format_value(name)}", expected="the name of a gain", do="choose one")
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ParameterError(
-                f"gain {format_value(name)} is {format_value(value)}", expected="a number", do="correct it"
-            )
         session = self.owner.seen.session
         if session is not None:
             session.require_value(name, value)  # what can never be is said first, whatever the time

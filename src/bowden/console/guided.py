@@ -102,10 +102,10 @@ class GuidedPath:
             self._steps[name] = PathStep()
         self._steps[step].state, self.going, self.fraction = "going", step, 0.0
 
-    def end(self, said: str, files: list[str], *, failed: bool = False) -> None:
+    def end(self, text: str, files: list[str], *, failed: bool = False) -> None:
         """The step that went on has ended."""
         if self.going:
-            self._steps[self.going] = PathStep("failed" if failed else "done", said, files)
+            self._steps[self.going] = PathStep("failed" if failed else "done", text, files)
         self.going, self.fraction = "", None
 
     def measured(self, live: Live, log: Path, *, well: bool, lost: str = "") -> None:

@@ -68,13 +68,13 @@ async def _listened(
         await process.stdin.drain()
     async for line in process.stdout:
         with contextlib.suppress(ValueError, KeyError, TypeError):
-            said = json.loads(line)
-            if "progress" in said:
-                progress(str(said["progress"][0]), float(said["progress"][1]))
-            elif "done" in said:
-                return said["done"]
-            elif "error" in said:
-                error = said["error"]
+            message = json.loads(line)
+            if "progress" in message:
+                progress(str(message["progress"][0]), float(message["progress"][1]))
+            elif "done" in message:
+                return message["done"]
+            elif "error" in message:
+                error = message["error"]
                 raise ParameterError(error["what"], expected=error["expected"], do=error["do"])
     raise BowdenError(
         "the work ended without a result", do="look at the terminal that started the console, and try again"

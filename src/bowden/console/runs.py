@@ -33,7 +33,6 @@ from bowden.core.files import printable
 from bowden.live.operator import keeping, prompt, why_not
 from bowden.live.ring import RingReader
 from bowden.live.session import STANDS_STILL
-from bowden.safety.faults import Fault
 from bowden.safety.state import Mode, Request
 
 if TYPE_CHECKING:
@@ -65,8 +64,6 @@ class RunSeen:
     """The one that goes on, or else the last one."""
     row: dict[str, float] | None = None
     """The newest row."""
-    came: dict[Fault, float] = field(default_factory=dict)
-    """Onset of each present fault [s]."""
     recorder: int = 0
     """A `RecorderState`."""
     logs: tuple[str, ...] = ()
@@ -202,7 +199,7 @@ class RunOwner:
     def _rest(self, error: BowdenError | None, **more: Any) -> None:
         """No session goes on any more, for a reason or because it has ended; what the last one showed stays."""
         seen = self.seen
-        self.seen = RunSeen(session=seen.session, row=seen.row, error=error, **{"came": seen.came, **more})
+        self.seen = RunSeen(session=seen.session, row=seen.row, error=error, **more)
 
     def _see_through(self, begin: Begin, notes: list[str]) -> None:
         error: BowdenError | None = None
@@ -218,7 +215,7 @@ class RunOwner:
         elif session.log_lost:
             error = LogError(session.log_lost)
         self._ended(session)
-        self._rest(error, came=dict(session.came), logs=self.seen.logs, lost=self.seen.lost)
+        self._rest(error, logs=self.seen.logs, lost=self.seen.lost)
 
     def _operate(self, session: "Session", keep: Callable[[dict[str, float]], None]) -> None:
         """Round after round, until the end is asked for or the loop's process has ended."""
@@ -382,7 +379,7 @@ def _looked(session: "Session", rows: RingReader, phase: str, notes: tuple[str, 
     """Snapshot of a session, with the newest of its rows."""
     row, logs = rows.last(), tuple(path.name for path in session.logs)
     newest = None if row is None else session.row_of(row)
-    return RunSeen(phase, session, newest, dict(session.came), session.recorder, logs, notes, lost)
+    return RunSeen(phase, session, newest, session.recorder, logs, notes, lost)
 
 
 def _give(asked: _Asked, answer: str) -> None:

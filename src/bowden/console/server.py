@@ -23,11 +23,11 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from bowden.console.access import LARGEST_BODY, LARGEST_MESSAGE, PAGE_POLICY, Bucket, Guard, Refused, document, said
+from bowden.console.access import LARGEST_BODY, LARGEST_MESSAGE, PAGE_POLICY, Bucket, Guard, Refused, answer, document
 from bowden.console.console import Console, Viewer
 from bowden.console.earlier import KINDS
 from bowden.console.stream import MOST_COLUMNS, PIXELS, SECONDS, Cursor
-from bowden.core.errors import BowdenError, DriveError, SafetyError, note
+from bowden.core.errors import BowdenError, DriveError, note
 
 REQUEST_WITHIN = 2.0
 """From a request's first byte to its last; a head that comes a byte a second is none [s]."""
@@ -115,10 +115,10 @@ def application(console: Console) -> Starlette:
             tab, given = _tab(request), document(await request.body())
             if controls:
                 console.require_control(tab)
-            answer = act(tab, given)
-            answer = await answer if inspect.isawaitable(answer) else answer
-            if isinstance(answer, str):
-                return _json({"answer": answer})
+            found = act(tab, given)
+            found = await found if inspect.isawaitable(found) else found
+            if isinstance(found, str):
+                return JSONResponse({"answer": found})
             console.renew()
             return await state(request)
 
@@ -134,12 +134,12 @@ def application(console: Console) -> Starlette:
                 return FileResponse(found, media_type="text/html", headers={"content-security-policy": PAGE_POLICY})
             if isinstance(found, bytes):
                 return Response(found, media_type="application/octet-stream")
-            return _json(found)
+            return JSONResponse(found)
 
         return route(path, handler)
 
     async def state(request: Request) -> Response:
-        return _json(console.for_viewer(_tab(request)))
+        return JSONResponse(console.for_viewer(_tab(request)))
 
     async def download(request: Request) -> Response:
         run, kind = request.path_params["run"], request.path_params["kind"]
@@ -184,32 +184,24 @@ def _tab(request: Request) -> str:
     return request.headers.get(TAB, "")[:64]
 
 
-def _json(value: Any, status: int = 200) -> Response:
-    return JSONResponse(value, status)
-
-
 def _explained(handler: Handler) -> Handler:
     """An error as JSON in its three parts, never a traceback."""
 
     async def explained(request: Request) -> Response:
         try:
             return await handler(request)
-        except Refused as error:
-            return _json(said(error), error.status)
-        except SafetyError as error:
-            return _json(said(error), 409)
         except BowdenError as error:
-            return _json(said(error), 400)
+            return answer(error)
 
     return explained
 
 
 async def _unknown(request: Request, error: Exception) -> Response:
-    return _json(said(Refused(404, "there is nothing under this address", do="open the console's page")), 404)
+    return answer(Refused(404, "there is nothing under this address", do="open the console's page"))
 
 
 async def _failed(request: Request, error: Exception) -> Response:
-    return _json(said(Refused(500, "the console failed to answer", do="see the terminal that started it")), 500)
+    return answer(Refused(500, "the console failed to answer", do="see the terminal that started it"))
 
 
 async def _page(request: Request) -> Response:
@@ -220,7 +212,7 @@ async def _stream(console: Console, page: WebSocket) -> None:
     """One page's connection: what it says is taken in one task, what it sees is sent by another."""
     if len(console.viewers) >= _MOST_VIEWERS:
         full = Refused(503, "too many pages look on", expected=f"at most {_MOST_VIEWERS}", do="close one of them")
-        await page.send_denial_response(_json(said(full), 503))
+        await page.send_denial_response(answer(full))
         return
     await page.accept()
     viewer = Viewer()
@@ -245,26 +237,26 @@ async def _take(console: Console, viewer: Viewer, page: WebSocket) -> None:
     """What a page says, until it says something that it never would."""
     bucket = Bucket(60.0, 120.0)
     while True:
-        message = await page.receive()
-        if message["type"] == "websocket.disconnect":
+        received = await page.receive()
+        if received["type"] == "websocket.disconnect":
             return
-        text = message.get("text")
+        text = received.get("text")
         if text is None or len(text) > LARGEST_MESSAGE:
             return
         try:
-            said = _Message.model_validate_json(text)
+            message = _Message.model_validate_json(text)
         except ValidationError:
             if '"stop"' in text:
                 console.stop()  # whatever else is wrong with the message
             return
-        if said.stop:
+        if message.stop:
             console.stop()  # nothing is waited for: signs of life come the same way
         elif not bucket.take(time.monotonic()):
             return
-        elif said.life is not None:
-            console.lease.sign(viewer.tab, said.life, console.owner.clock.now())
-        elif said.view is not None:
-            view = said.view
+        elif message.life is not None:
+            console.lease.sign(viewer.tab, message.life, console.owner.clock.now())
+        elif message.view is not None:
+            view = message.view
             seconds, pixels = _within(view.seconds, SECONDS), _within(view.pixels, PIXELS)
             viewer.asked = (view.columns, seconds, round(pixels), view.xy, view.number)
         else:
@@ -309,7 +301,7 @@ async def _send(console: Console, viewer: Viewer, page: WebSocket) -> None:
     cursor: Cursor | None = None
     while True:
         ticked = console.ticked
-        number, _ = console.said
+        number, _ = console.newest
         holds = console.lease.look(console.owner.clock.now()).holder == viewer.tab
         if number != sent or holds != controls:
             sent, controls, stamped = number, holds, console.stamp

@@ -8,7 +8,6 @@ import numpy as np
 
 from bowden.console.runs import RunSeen
 from bowden.console.stream import Watch
-from bowden.core.errors import BowdenError
 from bowden.core.signals import DriveState
 from bowden.hardware.twin.injection import KINDS, SIDES
 from bowden.live.gain_ramp import in_force
@@ -45,11 +44,6 @@ _NEXT = {
     Mode.RELEASING: "the cable is being let out",
     Mode.LATCHED: "correct the cause, then acknowledge",
 }
-
-
-def error_of(error: BowdenError | None) -> dict[str, str] | None:
-    """An error in its three parts."""
-    return None if error is None else {"what": error.what, "expected": error.expected, "do": error.do}
 
 
 def rig_of(rig: Rig, name: str, *, twin: bool) -> dict[str, Any]:
@@ -206,9 +200,9 @@ def preflight_of(row: Mapping[str, float], *, moves: bool) -> list[dict[str, str
         states = ["done", "going"] + ["waiting"] * (len(PREFLIGHT) - 2)
     else:
         states = ["done", "done"] + ["going"] * (len(PREFLIGHT) - 2)
-    said = REASONS[reason]
+    why = REASONS[reason]
     return [
-        {"name": title, "state": state, "said": said if state == "failed" else ""}
+        {"name": title, "state": state, "said": why if state == "failed" else ""}
         for (title, _), state in zip(PREFLIGHT, states, strict=True)
     ]
 

@@ -117,7 +117,8 @@ def columns_of(names: Sequence[str], units: Sequence[str], settings: Mapping[str
     def angle(name: str, title: str, source: tuple[str, ...], group: str, low: str = "", high: str = "") -> Curve:
         return Curve(name, title, "°", group, source, DEGREES, limit(low, DEGREES), limit(high, DEGREES))
 
-    peak, torque = limit("current_peak"), limit("torque_high")
+    peak, torque, mvc = limit("current_peak"), limit("torque_high"), limit("mvc", of=wearer)
+    opposite, level = None if torque is None else -torque, unit_of.get("emg.level", "1")
     offered = [
         angle("reference_deg", "reference", ("reference",), "motion"),
         angle("joint_deg", "joint", ("joint",), "motion", "joint_low", "joint_high"),
@@ -127,23 +128,16 @@ def columns_of(names: Sequence[str], units: Sequence[str], settings: Mapping[str
         angle("command_deg", "command to the drive", ("command",), "command", "motor_low", "motor_high"),
         Curve("current_a", "motor current", "A", "current", ("current",), 1.0, None if peak is None else -peak, peak),
         Curve("tension_n", "tension", "N", "tension", ("tension",), 1.0, limit("tension_low"), limit("tension_high")),
-        Curve(
-            *("joint_torque_nm", "torque on the joint", "N·m", "tension", ("joint_torque",), 1.0),
-            *(None if torque is None else -torque, torque),
+        Curve("joint_torque_nm", "torque on the joint", "N·m", "tension", ("joint_torque",), 1.0, opposite, torque),
+        *(
+            Curve(f"{part}_c", part, "°C", "temperature", (column,), high=limit(f"{part}_limit"))
+            for part, column in (
+                ("winding", "supervisor.heat.winding"),
+                ("housing", "supervisor.heat.housing"),
+                ("drive", "temperature"),
+            )
         ),
-        Curve(
-            *("winding_c", "winding", "°C", "temperature", ("supervisor.heat.winding",), 1.0),
-            high=limit("winding_limit"),
-        ),
-        Curve(
-            *("housing_c", "housing", "°C", "temperature", ("supervisor.heat.housing",), 1.0),
-            high=limit("housing_limit"),
-        ),
-        Curve("drive_c", "drive", "°C", "temperature", ("temperature",), 1.0, high=limit("drive_limit")),
-        Curve(
-            *("emg_level", "EMG envelope", unit_of.get("emg.level", "1"), "emg", ("emg.level",), 1.0),
-            *(limit("rest", of=wearer), limit("mvc", of=wearer)),
-        ),
+        Curve("emg_level", "EMG envelope", level, "emg", ("emg.level",), 1.0, limit("rest", of=wearer), mvc),
         Curve("emg_flexor", "flexor contracts", "1", "emg", ("emg.flexor",)),
         Curve("emg_extensor", "extensor contracts", "1", "emg", ("emg.extensor",)),
         Curve("emg_intent", "detected intent", "1", "emg", ("emg.intent",)),

@@ -27,7 +27,7 @@ class LawFile(OwnFile):
 @lru_cache(64)
 def _load(file: LawFile) -> Law:
     """The law, made once in a process: what a file prints is printed once."""
-    law = user_law.load_file(*file.ready)
+    law = user_law.load_file(file.restored())
     _READ.setdefault(_key(law), (law, file))
     return law
 

@@ -8,6 +8,7 @@ cycles and the joint moving by `slope` per motor motion,
 All functions are pure and need numpy only.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -49,6 +50,14 @@ class Margins:
     """Smallest extra delay that makes the loop unstable [s]; None where |L| never crosses one."""
     largest_pole: float
     """Largest magnitude of a closed-loop pole."""
+
+    def share(self, gain_db: float, phase_deg: float) -> float:
+        """The nearer of both limits over what is wanted of it; infinite where there is none, minus the largest pole of
+        an unstable loop."""
+        if not self.stable:
+            return -self.largest_pole
+        pairs = (self.gain_margin_db, gain_db), (self.phase_margin_deg, phase_deg)
+        return min((value / wanted for value, wanted in pairs if value is not None), default=math.inf)
 
 
 def servo_model(servo: Servo, dt: float, delay: int, slope: float) -> StateSpace:

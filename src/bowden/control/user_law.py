@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from itertools import pairwise
 from pathlib import Path
-from types import FrameType, ModuleType
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -28,8 +28,8 @@ from bowden.control.law_parts import LAG
 from bowden.core import user_file
 from bowden.core.errors import ParameterError, article, error_context
 from bowden.core.nested import leaves, name_of
+from bowden.core.own_file import OwnFile, split
 from bowden.core.signals import Reference, Sample
-from bowden.core.user_file import UserFile
 from bowden.models.cable.bouc_wen import BoucWen
 
 _CORRECT = "correct the law there"
@@ -48,18 +48,20 @@ _EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-
 
 def is_file(name: str) -> bool:
     """True if a law is named by its file, ``my_law.py`` or ``my_law.py:NAME``, and not by its key in `LAWS`."""
-    return user_file.split(name)[0].endswith(".py")
+    return split(name)[0].endswith(".py")
 
 
-def load_file(file: UserFile, name: str) -> Law:
-    """The law of this name in a file that has been read; the only one there if the name is empty.
+def load_file(file: OwnFile) -> Law:
+    """The law in a file that has been read, by its name there; the only one if it has none.
 
     Raises:
         ParameterError: no such name, a mistake in the file (with its line), or something that is not a law.
     """
-    law = _find(user_file.run(file, "law"), name, file.path)
-    check_law(law, file.path)
-    return law
+    path = Path(file.path)
+    law, names = user_file.defined(file, Law, ("Gains", "start", "step"))
+    found: Law = _of_parts(names, path) if law is None else law
+    check_law(found, path)
+    return found
 
 
 @contextlib.contextmanager
@@ -106,16 +108,8 @@ _BY_NAME: Mapping[str, FromRig] = {
 """Values from the rig for gains of these names in a file that has the parts of a law; its `FROM_RIG` says more."""
 
 
-def _find(module: ModuleType, attribute: str, path: Path) -> Law:
-    found = user_file.chosen(module, Law, attribute, path, ("Gains", "start", "step"))
-    if found is not None:
-        law: Law = found
-        return law
-    names = vars(module)
-    try:
-        gains = names["Gains"]()
-    except Exception as error:
-        raise user_file.mistake(error, path) from error
+def _of_parts(names: Mapping[str, Any], path: Path) -> Law:
+    gains = names["Gains"]
     more = names.get("FROM_RIG", {})
     by_name: dict[str, FromRig] = {
         name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())

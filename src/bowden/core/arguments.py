@@ -39,22 +39,15 @@ def signal(value: Any, what: str) -> Array:
         found = np.asarray(value)
         if found.dtype.kind not in "biuf":
             bad = next((one for one in np.ravel(found).tolist() if not isinstance(one, int | float)), value)
-            raise ParameterError(
-                f"{what} holds {format_value(bad)}",
-                expected="numbers only",
-                do="convert it first: numpy.asarray(x, float)",
-            )
+            do = "convert it first: numpy.asarray(x, float)"
+            raise ParameterError(f"{what} holds {format_value(bad)}", expected="numbers only", do=do)
         found = np.asarray(found, dtype=np.float64)
     except ValueError as error:  # rows of different lengths
-        raise ParameterError(
-            f"{what} is no row of numbers: {error}", expected="an array (n,)", do="pass one signal"
-        ) from None
+        said = f"{what} is no row of numbers: {error}"
+        raise ParameterError(said, expected="an array (n,)", do="pass one signal") from None
     if found.ndim != 1:
-        raise ParameterError(
-            f"{what} is {format_value(found) if found.ndim else format_value(value)}",
-            expected="an array of shape (n,)",
-            do="pass one signal, for example x[:, 0]" if found.ndim else "pass the samples of a log",
-        )
+        do = "pass one signal, for example x[:, 0]" if found.ndim else "pass the samples of a log"
+        raise _refused(found if found.ndim else value, what, "an array of shape (n,)", do)
     return np.ascontiguousarray(found)
 
 
@@ -65,11 +58,12 @@ def one_length(signals: dict[str, Array], where: str) -> None:
         ParameterError: they are not.
     """
     if len({len(values) for values in signals.values()}) > 1:
-        raise ParameterError(
-            f"{where}: " + ", ".join(f"{name} has {len(values)} samples" for name, values in signals.items()),
-            expected="one length",
-            do="take them from the same rows",
-        )
+        found = ", ".join(f"{name} has {len(values)} samples" for name, values in signals.items())
+        raise ParameterError(f"{where}: {found}", expected="one length", do="take them from the same rows")
+
+
+def _refused(value: Any, what: str, expected: str, do: str) -> ParameterError:
+    return ParameterError(f"{what} is {format_value(value)}", expected=expected, do=do)
 
 
 def path_of(value: Any, what: str, kind: str = "file") -> Path:
@@ -79,9 +73,7 @@ def path_of(value: Any, what: str, kind: str = "file") -> Path:
         ParameterError: something else.
     """
     if not isinstance(value, str | Path):
-        raise ParameterError(
-            f"{what} is {format_value(value)}", expected=f"the path of a {kind}", do='write it in quotation marks: "…"'
-        )
+        raise _refused(value, what, f"the path of a {kind}", 'write it in quotation marks: "…"')
     return Path(value)
 
 
@@ -92,7 +84,7 @@ def flag(value: Any, what: str) -> bool:
         ParameterError: something else.
     """
     if not isinstance(value, bool | np.bool_):
-        raise ParameterError(f"{what} is {format_value(value)}", expected="True or False", do="give one of them")
+        raise _refused(value, what, "True or False", "give one of them")
     return bool(value)
 
 
@@ -103,9 +95,7 @@ def whole(value: Any, what: str, least: int) -> int:
         ParameterError: something else.
     """
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
-        raise ParameterError(
-            f"{what} is {format_value(value)}", expected=f"a whole number from {least} on", do="give such a number"
-        )
+        raise _refused(value, what, f"a whole number from {least} on", "give such a number")
     return int(value)
 
 
@@ -116,24 +106,8 @@ def text(value: Any, what: str, expected: str) -> str:
         ParameterError: something else.
     """
     if not isinstance(value, str):
-        raise ParameterError(f"{what} is {format_value(value)}", expected=expected, do="write it in quotation marks")
+        raise _refused(value, what, expected, "write it in quotation marks")
     return value
-
-
-def function(value: Any, what: str, expected: str) -> Any:
-    """Something that can be called.
-
-    Raises:
-        ParameterError: something else.
-    """
-    if not callable(value):
-        raise ParameterError(
-            f"{what} is {format_value(value)}", expected=expected, do="pass a function, or leave it out"
-        )
-    return value
-
-
-PROGRESS = "a function of what is being done and the share that is behind"
 
 
 LARGEST_ANGLE = 4.0 * np.pi
@@ -167,7 +141,7 @@ def number(value: Any, what: str, expected: str = "a finite number") -> float:
             raise TypeError
         found = float(value)
     except (TypeError, ValueError):
-        raise ParameterError(f"{what} is {format_value(value)}", expected=expected, do="give a number") from None
+        raise _refused(value, what, expected, "give a number") from None
     if not np.isfinite(found):
         raise ParameterError(f"{what} is {found}", expected=expected, do="give a finite number")
     return found

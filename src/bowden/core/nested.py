@@ -1,7 +1,7 @@
 """Nested states and the flat rows they are kept in: one made of the other, by name.
 
 A state is a NamedTuple of numbers and of further NamedTuples. A trace, a log, a replay and exported code need it flat:
-`columns` names its numbers (``motor.speed``) and gives their units, `flat` gives them in that order, `unflatten_like`
+`columns` names its numbers (``motor.speed``) and gives their units, `flat` gives them in that order, `unflatten`
 makes the state again. Interpreted, compiled and while exporting it is the same order.
 
 A unit is declared where the field is, ``speed: Annotated[float, Quantity(…, "rad/s")]``. A law of a user's file may
@@ -12,7 +12,6 @@ author made them. A row of numbers beside one example of the tuple can stand for
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from enum import IntEnum
 from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -149,30 +148,16 @@ def form_of(value: Any) -> tuple[Any, ...]:
     return tuple((leaf.shape, leaf.tobytes()) if isinstance(leaf, np.ndarray) else type(leaf) for leaf in flat(value))
 
 
-def unflatten_like(template: Any, row: Array) -> Any:
-    """Nested tuples like `template` with the numbers of `row` (n,), whole ones where the template has whole ones.
+def unflatten(template: Any, row: Array) -> Any:
+    """Nested tuples like `template` with the numbers of `row` (n,), each of the template's type.
 
     Arrays in the template stay. What is left of the row is not looked at. Compiled, it is a primitive of kernels.
 
-    >>> unflatten_like((1.0, (2, 3.0)), np.array([4.0, 5.0, 6.0]))
+    >>> unflatten((1.0, (2, 3.0)), np.array([4.0, 5.0, 6.0]))
     (4.0, (5, 6.0))
     """
     numbers = iter(row.tolist())
     return map_leaves(template, lambda _, old: old if isinstance(old, np.ndarray) else type(old)(next(numbers)))
-
-
-def unflatten(template: Any, row: Array) -> Any:
-    """A state that was kept flat: `unflatten_like`, but with a float for every number that is no bool and no enum's.
-
-    Compiled, it is a primitive of kernels.
-
-    >>> unflatten((1.0, (2, 3.0), True), np.array([4.0, 5.5, 6.0, 0.0]))
-    (4.0, (5.5, 6.0), False)
-    """
-    numbers = iter(row.tolist())
-    return map_leaves(
-        template, lambda _, old: type(old)(next(numbers)) if isinstance(old, bool | IntEnum) else next(numbers)
-    )
 
 
 def zeros_of(kind: Any) -> Any:
@@ -198,33 +183,13 @@ def _number(kind: Any) -> Any:
     return getattr(kind, "dtype", kind)
 
 
-def compiled_unflatten_like() -> Any:
-    """`unflatten_like` for Numba, which unrolls the nesting while it compiles."""
-    return _restoring(lambda kind: kind)
-
-
-def compiled_unflatten() -> Any:
-    """`unflatten` for Numba."""
-    from numba.core import types
-
-    def floats(kind: Any) -> Any:
-        if isinstance(kind, types.Boolean | types.IntEnumMember):
-            return kind
-        if not isinstance(kind, types.BaseTuple):
-            return types.float64
-        base: Any = types.BaseTuple  # untyped
-        return base.from_types([floats(part) for part in _parts(kind)], getattr(kind, "instance_class", None))
-
-    return _restoring(floats)
-
-
 def _parts(kind: Any) -> list[Any]:
     """The types in a tuple's."""
     return list(kind)
 
 
-def _restoring(made_of: Callable[[Any], Any]) -> Any:
-    """Tuples of a type that is made of the template's, with the numbers of a row, and the template's own arrays."""
+def compiled_unflatten() -> Any:
+    """`unflatten` for Numba, which unrolls the nesting while it compiles."""
     from numba.core import cgutils, types
     from numba.extending import intrinsic
 
@@ -244,13 +209,11 @@ def _restoring(made_of: Callable[[Any], Any]) -> Any:
 
     @intrinsic
     def restore(typing: Any, template: Any, row: Any) -> Any:
-        made = made_of(template)
-
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             array = structure(signature.args[1])(context, builder, value=arguments[1])
-            return filled(context, builder, made, arguments[0], array.data, [0])
+            return filled(context, builder, template, arguments[0], array.data, [0])
 
-        return made(template, row), generate
+        return template(template, row), generate
 
     return restore
 

@@ -42,30 +42,21 @@ def part(kind: Kind) -> Kind:
 
     @wraps(plain)
     def checked(cls: Any, *given: Any, **named: Any) -> Any:
+        owner = kind.__name__
         for name in named:
             if name not in fields:
-                raise ParameterError(
-                    f"{kind.__name__} has no {name!r}", expected=near(name, fields), do="correct the name"
-                )
+                raise ParameterError(f"{owner} has no {name!r}", expected=near(name, fields), do="correct the name")
         if len(given) > len(fields) or set(fields[: len(given)]) & named.keys():
-            raise ParameterError(
-                f"{kind.__name__} is given {len(given) + len(named)} values",
-                expected=f"{', '.join(fields)}, each at most once",
-                do="give them by name",
-            )
+            expected, values = f"{', '.join(fields)}, each at most once", len(given) + len(named)
+            raise ParameterError(f"{owner} is given {values} values", expected=expected, do="give them by name")
         for name, value in (*zip(fields, given, strict=False), *named.items()):
             if isinstance(value, _NO_NUMBER):
-                raise ParameterError(
-                    f"{kind.__name__}: {name} is {format_value(value)}",
-                    expected="a number, in SI and radians",
-                    do="give one",
-                )
+                said = f"{owner}: {name} is {format_value(value)}"
+                raise ParameterError(said, expected="a number, in SI and radians", do="give one")
             if name in hinted and isinstance(value, int | float) and value > hinted[name].ends[1]:
-                raise ParameterError(
-                    f"{kind.__name__}: {name} is {value:g} {hinted[name].unit}",
-                    expected=f"a number {hinted[name].range}",
-                    do=hinted[name].hint.format(value=value),
-                )
+                quantity = hinted[name]
+                said, expected = f"{owner}: {name} is {value:g} {quantity.unit}", f"a number {quantity.range}"
+                raise ParameterError(said, expected=expected, do=quantity.hint.format(value=value))
         return plain(cls, *given, **named)
 
     made.__new__ = checked

@@ -12,10 +12,8 @@ import numpy as np
 from bowden.core.nested import (
     compiled_flat,
     compiled_unflatten,
-    compiled_unflatten_like,
     flat,
     unflatten,
-    unflatten_like,
 )
 
 
@@ -53,14 +51,13 @@ def floor(x: Any) -> Any:
 
 PRIMITIVES: set[Callable[..., Any]] = {
     *(exp, sin, cos, log, power, sqrt, tanh, floor),
-    *(unflatten_like, unflatten, flat),
+    *(unflatten, flat),
 }
 
 
 def twin_of(function: Callable[..., Any]) -> Callable[..., Any]:
     """Counterpart of a primitive in compiled code: a plain function to be compiled, or one that Numba knows."""
     made: dict[Callable[..., Any], Callable[[], Any]] = {
-        unflatten_like: compiled_unflatten_like,
         unflatten: compiled_unflatten,
         flat: compiled_flat,
         power: lambda: _pow,

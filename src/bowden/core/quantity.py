@@ -11,7 +11,7 @@ import math
 import textwrap
 import types
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, NamedTuple
@@ -44,6 +44,7 @@ _SUFFIX = {
     "N·m/rad": "_nm_per_rad",
     "N·m·s/rad": "_nms_per_rad",
     "A": "_a",
+    "J": "_j",
     "V": "_v",
     "mV": "_mv",
     "N/mV": "_n_per_mv",
@@ -211,14 +212,9 @@ def declared(kind: Any) -> tuple[Declared, ...]:
 
 @cache
 def _declared(kind: Any) -> tuple[Declared, ...]:
-    return tuple(_looked_up(kind))
-
-
-def _looked_up(kind: Any) -> Iterator[Declared]:
-    for name, hint in typing.get_type_hints(kind, include_extras=True).items():
-        for extra in getattr(hint, "__metadata__", ()):
-            if isinstance(extra, Quantity):
-                yield Declared(name, hint.__origin__, extra)
+    hints = typing.get_type_hints(kind, include_extras=True).items()
+    extras = ((name, hint, extra) for name, hint in hints for extra in getattr(hint, "__metadata__", ()))
+    return tuple(Declared(name, hint.__origin__, one) for name, hint, one in extras if isinstance(one, Quantity))
 
 
 def optional(kind: Any) -> Any:

@@ -22,15 +22,6 @@ def quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def key_of(name: str) -> str:
-    """A key of a section: in quotation marks where it has a dot, which would make a section of it.
-
-    >>> print(key_of("gain"), key_of("part.gain"))
-    gain "part.gain"
-    """
-    return quoted(name) if "." in name else name
-
-
 def with_keys(text: str, section: str, values: Mapping[str, str], where: str, evidence: Sequence[str] = ()) -> str:
     """The text of a TOML file with other values in one section, and all else as it stands.
 
@@ -64,7 +55,7 @@ def with_keys(text: str, section: str, values: Mapping[str, str], where: str, ev
     for name, value in values.items():
         at = next((i for i, line in enumerate(body) if re.match(rf'\s*"?{re.escape(name)}"?\s*=', line)), None)
         if at is None:
-            missing.append(f"{key_of(name)} = {value}")
+            missing.append(f"{quoted(name) if '.' in name else name} = {value}")  # a dot would make a section of it
         else:
             body[at] = _VALUE.sub(partial(_in_place, value=value), body[at], count=1)
     written = [*lines[: head + 1], *(f"# {line}" for line in evidence), *missing, *body, *lines[end:]]

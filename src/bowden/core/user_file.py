@@ -1,13 +1,10 @@
 """A user's own Python file, a law or a plant: run as a module of its own, its mistakes reported in one line.
 
-Modules that it imports and that stand beside it, in its folder or in folders of that, belong to it: they are read when
-it is read, run of what was read, and kept with it. What is installed, and what the user has imported elsewhere under
-the same names, is not touched.
+Modules beside it that it imports (`bowden.core.own_file`) are run of what was read. What is installed, and what the
+user has imported elsewhere under the same names, is not touched.
 """
 
-import ast
 import contextlib
-import hashlib
 import linecache
 import re
 import sys
@@ -19,159 +16,45 @@ from importlib.machinery import ModuleSpec
 from importlib.util import spec_from_loader
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import Any, NamedTuple
+from typing import Any
 
-from bowden.core.bounded import MOST_TEXT, read_whole, reason
 from bowden.core.errors import ParameterError, article
-from bowden.core.files import whole_file
 from bowden.core.kernel_cache import cache_folder
+from bowden.core.own_file import OwnFile, UserModule, digest, modules_of, split
 
 _PACKAGE = Path(__file__).parents[1]
 _LIBRARIES = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})
 
 
-class UserModule(NamedTuple):
-    """A Python file beside the user's that this imports, as it stood when that was read."""
-
-    file: str
-    """From the folder of the importing file: ``friction.py``, ``lab/__init__.py``."""
-    source: bytes
-    """Its contents."""
-
-
-class UserFile(NamedTuple):
-    """A Python file of the user's with all that it imports, ready to be run."""
-
-    path: Path
-    """Where it stands."""
-    source: bytes
-    """Its contents."""
-    modules: tuple[UserModule, ...]
-    """Beside it, that it imports."""
-
-
-def split(name: str) -> tuple[str, str]:
-    """``FILE.py:NAME`` as file and name, which is empty where there is none."""
-    file, colon, attribute = name.rpartition(":")
-    return (file, attribute) if colon and file.endswith(".py") else (name, "")
-
-
-def found(path: Path, what: str) -> UserFile:
-    """A file as it stands now, with what it imports.
-
-    Raises:
-        ParameterError: it cannot be read.
-    """
-    try:
-        source = read_whole(path, MOST_TEXT, unpack=False)
-    except (OSError, ValueError) as error:  # ValueError: a null byte in its name
-        raise ParameterError(
-            f"cannot read the {what} {path}: {reason(error)}", expected="a Python file", do="check the path"
-        ) from error
-    return UserFile(path, source, modules_of(path, source))
-
-
-def modules_of(path: Path, source: bytes) -> tuple[UserModule, ...]:
-    """The modules beside a file that it imports, and that these import, in the order of their names."""
-    files: dict[str, bytes] = {}
-    todo = [(source, "")]
-    while todo:
-        for name in _imported(*todo.pop()):
-            place = name.replace(".", "/")
-            for file in (f"{place}/__init__.py", f"{place}.py"):
-                if file not in files and (path.parent / file).is_file():
-                    files[file] = (path.parent / file).read_bytes()
-                    todo.append((files[file], name if file.endswith("__init__.py") else name.rpartition(".")[0]))
-    return tuple(UserModule(file, files[file]) for file in sorted(files))
-
-
-def _imported(source: bytes, package: str) -> set[str]:
-    """Names of all modules that a source in a package may import, and of the packages that they are in."""
-    try:
-        nodes = list(ast.walk(ast.parse(source)))
-    except (SyntaxError, ValueError):  # reported when it is run
-        return set()
-    names: set[str] = set()
-    for node in nodes:
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
-            base = ".".join(filter(None, (*above, node.module)))
-            names |= {base, *(f"{base}.{alias.name}" for alias in node.names)} if base else set()
-    parts = (name.split(".") for name in names if name.partition(".")[0] not in sys.stdlib_module_names)
-    return {".".join(part[: i + 1]) for part in parts for i in range(len(part))}
-
-
-def digest(source: bytes, modules: Iterable[UserModule] = ()) -> str:
-    """SHA-256 of what stands in a file and in what it imports."""
-    parts = [hashlib.sha256(source).hexdigest()]
-    parts += [f"{one.file} {hashlib.sha256(one.source).hexdigest()}" for one in modules]
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
-
-def fingerprint(source: bytes, modules: Iterable[UserModule] = ()) -> str:
-    """The beginning of that, as a short name."""
-    return digest(source, modules)[:16]
-
-
-def restored(path: Path, source: bytes, folder: str, modules: tuple[UserModule, ...] = ()) -> UserFile:
-    """A file as it once was: where it stands if it and its modules are unchanged there, and else copies of all.
-
-    Args:
-        path: where it was.
-        source: what was in it.
-        folder: for the copies, inside that of compiled code.
-        modules: that it imported.
-    """
-    whole = (UserModule(path.name, source), *modules)
-    if all(_stands(path.parent / one.file, one.source) for one in whole):
-        return UserFile(path, source, modules)
-    home = cache_folder() / folder / fingerprint(source, modules)
-    for one in whole:
-        if not _stands(home / one.file, one.source):
-            (home / one.file).parent.mkdir(parents=True, exist_ok=True)
-            with whole_file(home / one.file) as part:
-                part.write_bytes(one.source)
-    return UserFile(home / path.name, source, modules)
-
-
-def _stands(path: Path, source: bytes) -> bool:
-    return path.is_file() and path.read_bytes() == source
-
-
-_RUN: dict[UserFile, ModuleType | None] = {}
-"""A file that was run → its module, which is None while it runs."""
+_RUN: dict[tuple[str, bytes, tuple[UserModule, ...]], ModuleType | None] = {}
+"""A file that was run, with what it imports → its module, which is None while it runs."""
 _OURS = "bowden_user_"
 """How the names of modules begin that are run here."""
 
 
-def run(file: UserFile, what: str) -> ModuleType:
+def run(file: OwnFile) -> ModuleType:
     """Execute a file as a module of its own, named after its name and content, as are those that it imports.
 
     What another process is handed names its types, and kept code what it is made of.
 
-    Args:
-        file: with what it imports.
-        what: it is to hold: ``law``, ``plant``.
-
     Raises:
         ParameterError: a mistake in it or in what it imports, with file and line.
     """
-    path, source, modules = file
-    if known := _RUN.get(file):
+    path, source, modules = Path(file.path), file.source, file.modules
+    key = file.path, source, modules
+    if known := _RUN.get(key):
         return known
-    if file in _RUN:
+    if key in _RUN:
         raise ParameterError(
-            f"{path}: the {what} in it is asked for while the file runs, so that it would run again without end",
+            f"{path}: the {file.what} in it is asked for while the file runs, so that it would run again without end",
             expected="a file that defines, and does nothing else",
             do='put what it does below: if __name__ == "__main__":',
         )
-    name = f"{_OURS}{what}_{fingerprint(path.name.encode() + source, modules)}"
+    name = f"{_OURS}{file.what}_{digest(path.name.encode() + source, modules)[:16]}"
     module = ModuleType(name)
     module.__file__ = str(path)
     sys.modules[name] = module
-    _RUN[file] = None
+    _RUN[key] = None
     try:
         code = compile(source, str(path), "exec", dont_inherit=True)
         with contextlib.redirect_stdout(sys.stderr), _Beside(file, name):  # standard output may be a JSON document
@@ -179,27 +62,29 @@ def run(file: UserFile, what: str) -> ModuleType:
     except (Exception, SystemExit) as error:  # ValueError: null bytes, before Python 3.12
         raise mistake(error, path) from error
     else:
-        _RUN[file] = module
+        _RUN[key] = module
     finally:
-        if _RUN[file] is None:
-            del _RUN[file]
+        if _RUN[key] is None:
+            del _RUN[key]
     return module
 
 
-def chosen(module: ModuleType, kind: type, attribute: str, path: Path, parts: Sequence[str]) -> Any:
-    """The object of a kind that a file defines; None where it defines only the parts of one.
+def defined(file: OwnFile, kind: type, parts: Sequence[str]) -> tuple[Any, dict[str, Any]]:
+    """The object of a kind that a file defines, and all names in it, once it has run.
+
+    Of a file that defines only the parts of one the object is None, and the first part, a class, is made with its
+    defaults.
 
     Args:
-        module: of the file.
+        file: of which the object has the given name, or is the only one.
         kind: a law, a plant.
-        attribute: its name there; of the only one if it is empty.
-        path: of the file, for messages.
         parts: names of all the parts.
 
     Raises:
-        ParameterError: there is no such one, or several, or not all the parts.
+        ParameterError: a mistake in the file, with its line; there is no such object, or several, or not all the parts.
     """
-    names, what = vars(module), kind.__name__
+    path, attribute, what = Path(file.path), split(file.name)[1], kind.__name__
+    names = dict(vars(run(file)))
     own = [name for name, value in names.items() if isinstance(value, kind)]
     if attribute:
         if attribute in names and attribute not in own:
@@ -208,23 +93,28 @@ def chosen(module: ModuleType, kind: type, attribute: str, path: Path, parts: Se
         if attribute not in names:
             expected = f"one of {', '.join(own) or f'those of type {what}'}"
             raise ParameterError(f"{path} has no {attribute!r}", expected=expected, do="name one of them")
-        return names[attribute]
+        return names[attribute], names
     missing = [part for part in parts if part not in names]
     if len(own) > 1 or (not own and missing):
         found = f"several of type {what}: {', '.join(own)}" if own else f"no {what} and no {', '.join(missing)}"
         do = f"say which: {path.name}:NAME" if own else "write them (docs/own_law.md)"
         raise ParameterError(f"{path} has {found}", expected=f"one {what}, or {', '.join(parts)}", do=do)
-    return names[own[0]] if own else None
+    if own:
+        return names[own[0]], names
+    try:
+        return None, names | {parts[0]: names[parts[0]]()}
+    except Exception as error:
+        raise mistake(error, path) from error
 
 
 class _Beside(MetaPathFinder, Loader):
     """Meanwhile, imports find the modules of a file by their plain names; afterwards they have names of their own."""
 
-    def __init__(self, file: UserFile, prefix: str) -> None:
+    def __init__(self, file: OwnFile, prefix: str) -> None:
         names = {one.file.removesuffix(".py").removesuffix("/__init__").replace("/", "."): one for one in file.modules}
         folders = {name[:at] for name in names for at, letter in enumerate(name) if letter == "."}
         self._modules: dict[str, UserModule | None] = dict.fromkeys(folders) | names
-        self._folder, self._prefix, self._before = file.path.parent, prefix, dict[str, ModuleType]()
+        self._folder, self._prefix, self._before = Path(file.path).parent, prefix, dict[str, ModuleType]()
 
     def __enter__(self) -> None:
         self._before = {name: sys.modules.pop(name) for name in self._modules if name in sys.modules}
@@ -261,7 +151,7 @@ def _together(path: Path, file: str) -> Path | None:
 
     Kept code names the place where it was compiled, which may be another.
     """
-    modules = next((one.modules for one in _RUN if one.path == path), None)
+    modules = next((modules for file, _, modules in _RUN if file == str(path)), None)
     if modules is None:  # loaded by somebody else
         modules = modules_of(path, path.read_bytes()) if path.is_file() and not is_package(path) else ()
     places = {one: path.parent / one for one in (path.name, *(one.file for one in modules))}
@@ -335,18 +225,6 @@ def explained(path: Path, what: str, *, named: bool = False) -> Iterator[None]:
             f"{begin}: {what} cannot be compiled{f', at {line!r}' if line else ''}: {said.strip('. ')}",
             do="use only numbers, NamedTuples and kernels in it (docs/own_law.md)",
         ) from error
-
-
-def reads_as_module(function: Any) -> bool:
-    """True if the file in which a function stands may be run again for its definitions.
-
-    The script that is being run may not, unless it has a part of its own for that, ``if __name__ == "__main__":``. What
-    it does would be done twice.
-    """
-    path = Path(function.__code__.co_filename)
-    if path.suffix != ".py" or not path.is_file():
-        return False
-    return function.__module__ != "__main__" or re.search(rb"^if .*\b__name__\b", path.read_bytes(), re.M) is not None
 
 
 def elsewhere(function: Any, what: str) -> str:

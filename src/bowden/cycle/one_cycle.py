@@ -28,7 +28,7 @@ from bowden.control.conditioning import Conditioned, Conditioning, condition_sta
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Measurement, Source, source_start, source_step
 from bowden.core.kernel import kernel, placeholder, specialise
-from bowden.core.nested import flat, map_leaves, name_of, names, numbers_of, unflatten, unflatten_like, zeros_of
+from bowden.core.nested import flat, map_leaves, name_of, names, numbers_of, unflatten, zeros_of
 from bowden.core.signals import DriveReading, Power, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
 from bowden.safety.evidence import ValidatedReadings, validate_readings
@@ -364,7 +364,7 @@ def cycle_in_place(
     """
     allowed = unflatten(_LIMITS, limits)
     now = CycleSettings(
-        unflatten_like(settings.gains, gains), settings.conditioning, settings.source, settings.filters, allowed
+        unflatten(settings.gains, gains), settings.conditioning, settings.source, settings.filters, allowed
     )
     begun = Sample(0.0, 0.0, 0.0, 0.0)
     observed = unflatten(NOTHING_OBSERVED, given)
@@ -374,7 +374,7 @@ def cycle_in_place(
         unflatten(law_start(now.gains, begun), law),
         unflatten(condition_start(settings.conditioning, begun), conditioned),
         unflatten(source_start(settings.source, Measurement(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)), source),
-        unflatten_like(begin(allowed, NOTHING_OBSERVED.reading, ThermalState(0.0, 0.0, 0.0)), supervisor),
+        unflatten(begin(allowed, NOTHING_OBSERVED.reading, ThermalState(0.0, 0.0, 0.0)), supervisor),
     )
     after, reference, requested_target, verdict = one_cycle(now, before, observed, plan, dt)
     keep(sample, after.sample)
@@ -450,8 +450,7 @@ class Cycle:
     @property
     def state(self) -> CycleState:
         """State after the last cycle."""
-        parts = [unflatten(part, row) for part, row in zip(self._like, self._rows, strict=True)]
-        return CycleState(*parts)._replace(supervisor=unflatten_like(self._like.supervisor, self._rows[-1]))
+        return CycleState(*(unflatten(part, row) for part, row in zip(self._like, self._rows, strict=True)))
 
     @state.setter
     def state(self, state: CycleState) -> None:

@@ -23,14 +23,16 @@ from bowden.design.check_result import (
     TautLoop,
     VerdictName,
     confirmed_by,
+    least,
     swing_of,
 )
 from bowden.design.limit_cycle import LimitCycle, describing_function, predict
-from bowden.design.linear_plant import linear_plant
+from bowden.design.linear_plant import laws_seen, linear_plant
 from bowden.design.linearise import LawModel, find_estimates, linearise
 from bowden.design.trial import MOVING, Trial, run_trial, settled_after
+from bowden.plants.estimated import Estimated
 from bowden.plants.plant import Plant, changed
-from bowden.plants.transmission import transmission
+from bowden.plants.transmission import transmission, unrest
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -135,7 +137,9 @@ class _OneMotor:
         return describing_function(self.plants[0], bends[0], self.stroke)
 
     def dead_zone(self, bends: Bends) -> float:
-        return transmission(self.plants[0], bends[0], self.stroke).dead_zone
+        plant = self.plants[0]
+        wander = unrest(plant, bends[0], self.stroke, 0.0).span if isinstance(plant, Estimated) else 0.0
+        return transmission(plant, bends[0], self.stroke).dead_zone + wander
 
     def most_apart(self) -> float:
         return math.inf
@@ -269,19 +273,10 @@ def _tried(subject: Subject, ends: Sequence[Bends], later: int = 0) -> _Tried:
 
 
 def _shared(loops: Sequence[LinearLoop], drift: float | None) -> SharedFindings:
-    taut = dict.fromkeys(loop.at for loop in loops)
-    found = tuple(_taut_loop(at, [loop.point for loop in loops if loop.at == at]) for at in taut)
+    names = ("gain_margin_db", "phase_margin_deg", "delay_margin_s")
+    each = {at: [loop.point for loop in loops if loop.at == at] for at in dict.fromkeys(loop.at for loop in loops)}
+    found = tuple(TautLoop(at, *(least(points, name) for name in names)) for at, points in each.items())
     return SharedFindings(found, drift, max(loop.apart for loop in loops))
-
-
-def _taut_loop(where: str, points: Sequence[Point]) -> TautLoop:
-    own = [point.margins for point in points]
-
-    def least(name: str) -> float | None:
-        there = [value for one in own if (value := getattr(one, name)) is not None]
-        return min(there) if there and all(one.stable for one in own) else None
-
-    return TautLoop(where, *(least(name) for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s")))
 
 
 def _together(verdict: VerdictName, reason: str, drift: float, most: float) -> tuple[VerdictName, str]:
@@ -406,20 +401,14 @@ def _predicted_cycle(subject: Subject, ends: Sequence[Bends], estimates: Sequenc
         for values in (estimates[0], estimates[-1]):
             for plant, law, own in zip(subject.plants, subject.laws, values, strict=True):
                 model = linearise(law, dt, width=width, estimates=own)
-                cycles.append(predict(gains, plant.servo, plant.delay, model, dt, amplitudes))
+                for seen in laws_seen(plant, model):
+                    cycles.append(predict(gains, plant.servo, plant.delay, seen, dt, amplitudes))
     return max((cycle for cycle in cycles if cycle), key=lambda cycle: cycle.amplitude, default=None)
 
 
 def severity(point: Point) -> float:
     """Smaller is worse: minus the largest pole of an unstable loop, else the nearer of both limits as a share."""
-    if not point.margins.stable:
-        return -point.margins.largest_pole
-    shares = [np.inf]
-    if point.margins.gain_margin_db is not None:
-        shares.append(point.margins.gain_margin_db / ENOUGH_DB)
-    if point.margins.phase_margin_deg is not None:
-        shares.append(point.margins.phase_margin_deg / ENOUGH_DEG)
-    return min(shares)
+    return point.margins.share(ENOUGH_DB, ENOUGH_DEG)
 
 
 def judge(

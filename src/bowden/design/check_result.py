@@ -142,17 +142,17 @@ class Check(Plotted):
     @property
     def gain_margin_db(self) -> float | None:
         """The smallest over all points; None where a loop is unstable or refuted, or none has a limit."""
-        return self._least(point.margins.gain_margin_db for point in self.points)
+        return None if self.refuted else least(self.points, "gain_margin_db")
 
     @property
     def phase_margin_deg(self) -> float | None:
         """The smallest over all points; None where a loop is unstable or refuted, or none has a limit."""
-        return self._least(point.margins.phase_margin_deg for point in self.points)
+        return None if self.refuted else least(self.points, "phase_margin_deg")
 
     @property
     def delay_margin_s(self) -> float | None:
         """The smallest over all points; None as above."""
-        return self._least(point.margins.delay_margin_s for point in self.points)
+        return None if self.refuted else least(self.points, "delay_margin_s")
 
     @property
     def swing(self) -> float | None:
@@ -178,10 +178,12 @@ class Check(Plotted):
     def _draw(self, axes: "Sequence[Axes]") -> None:
         draw_check(axes[0], self)
 
-    def _least(self, values: Iterable[float | None]) -> float | None:
-        there = [value for value in values if value is not None]
-        known = not self.refuted and all(point.margins.stable for point in self.points)
-        return min(there) if there and known else None
+
+def least(points: Iterable[Point], margin: str) -> float | None:
+    """The smallest of one of the `Margins` of loops; None where one is unstable, or none has a limit."""
+    found = [point.margins for point in points]
+    there = [value for one in found if (value := getattr(one, margin)) is not None]
+    return min(there) if there and all(one.stable for one in found) else None
 
 
 def swing_of(trials: Sequence[Trial]) -> float | None:

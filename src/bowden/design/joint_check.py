@@ -31,9 +31,9 @@ from bowden.design.limit_cycle import AMPLITUDES, MEASURED, describing_function
 from bowden.design.linear_plant import slopes_of
 from bowden.design.linearise import LawModel, linearise
 from bowden.design.trial import AFTER, Bounds, Trial, judged, motion
+from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.shared_joint import JointLoad, shares
 from bowden.models.drive.servo import Servo
-from bowden.plants.bench import Bench
 from bowden.plants.plant import Plant, changed
 from bowden.plants.transmission import transmission
 from bowden.records.trace import Trace
@@ -189,7 +189,7 @@ class _SeveralMotors:
 
     def response(self, bends: Bends) -> tuple[Array, Complex]:
         motors = self.joint.motors
-        amplitudes = AMPLITUDES if all(isinstance(one.bench, Bench) for one in motors) else MEASURED
+        amplitudes = AMPLITUDES if all(isinstance(one.bench.cable, BoucWen) for one in motors) else MEASURED
         share = shares(self.joint.load, (True,) * len(motors))
         gains = sum(
             part * describing_function(one.bench, bend, one.own_stroke(self.stroke), amplitudes)[1]

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from bowden.control.stability import response, servo_response
 from bowden.core.kernel import compiled, kernel
 from bowden.design.linearise import LawModel
-from bowden.models.cable.bouc_wen import PreparedCable, advance_prepared, prepare_cable
+from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
 from bowden.models.cable.sheath import slope_factor, width
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
+from bowden.plants.estimated import measured_plant
 from bowden.plants.plant import Plant
 from bowden.plants.transmission import measured_response
 
@@ -76,7 +77,8 @@ def describing_function(
         stroke: of the joint [rad].
         amplitudes: `AMPLITUDES`, or `MEASURED`, where they are not given.
     """
-    if not isinstance(plant, Bench):
+    plant = measured_plant(plant)
+    if not (isinstance(plant, Bench) and isinstance(plant.cable, BoucWen)):
         amplitudes = MEASURED if amplitudes is None else amplitudes
         return amplitudes, measured_response(plant, bend, stroke, amplitudes)
     amplitudes = AMPLITUDES if amplitudes is None else amplitudes

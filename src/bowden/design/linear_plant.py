@@ -6,19 +6,24 @@ the extensor taut and slack.
 """
 
 import itertools
+import math
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.stability import Margins, StateSpace, frequencies, margins, response, servo_model, servo_response
 from bowden.core.units import DEGREES
+from bowden.design.estimate_model import behind_estimate
 from bowden.design.linearise import LawModel
 from bowden.models.cable.sheath import slope_factor
 from bowden.models.drive.servo import Servo
+from bowden.plants.estimated import Estimated, measured_plant
 from bowden.plants.plant import Plant
+from bowden.plants.settled_estimate import settled_estimate
 from bowden.plants.suit_linear import linear_suit, without_friction
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import transmission
@@ -39,79 +44,80 @@ class OperatingPoint(NamedTuple):
     """Of the sheath [rad]."""
     slope: float
     """Joint motion per motor motion [rad/rad]."""
-    at: str
+    at: str = ""
     """What else, in words; empty where there is nothing else."""
+    angle: float = math.nan
+    """Of a suit's elbow [rad]."""
+    taut: bool = True
+    """Whether a suit's extensor is."""
 
 
-class LinearPlant(Protocol):
-    """A plant's linear loops, one for each place."""
+class LinearPlant(NamedTuple):
+    """A plant's linear loops: one for each point, and behind an estimate of the joint once for each of its gains."""
+
+    plant: Plant
+    points: tuple[OperatingPoint, ...]
 
     @property
     def places(self) -> tuple[OperatingPoint, ...]:
         """In the order in which `margins` has them."""
+        return self.points * len(_gains(self.plant)) if isinstance(self.plant, Estimated) else self.points
 
     @property
     def leaves_out(self) -> str:
         """What the linear loops leave to the trials, where so much that they alone decide; else empty."""
+        return OF_A_SUIT if isinstance(measured_plant(self.plant), Suit) else ""
 
     @property
     def alone(self) -> Plant | None:
         """A plant without all that, whose trial confirms or refutes a linear loop; None where nothing is left out."""
+        measured = measured_plant(self.plant)
+        if not isinstance(measured, Suit):
+            return None
+        alone = without_friction(measured)
+        return cast(Plant, replace(self.plant, inner=alone)) if isinstance(self.plant, Estimated) else alone
 
     def margins(self, law: LawModel) -> Iterator[Margins]:
         """Of the loop at each place."""
+        measured = measured_plant(self.plant)
+        for seen in laws_seen(self.plant, law):
+            if isinstance(measured, Suit):
+                yield from _on_arms(measured, self.points, seen)
+                continue
+            servo, dt, delay = measured.servo, measured.sample_time, measured.delay
+            plant, answer = servo_model(servo, dt, delay, 1.0), _servo(servo, dt, delay)
+            for point in self.points:
+                yield margins(plant, seen.seen_through(point.slope), dt, answer)
 
 
-class BehindServo(NamedTuple):
-    """A joint that moves by a slope per motion of a motor under its servo."""
-
-    servo: Servo
-    dt: float
-    delay: int
-    places: tuple[OperatingPoint, ...]
-    leaves_out: str = ""
-    alone: None = None
-
-    def margins(self, law: LawModel) -> Iterator[Margins]:
-        """See `LinearPlant`."""
-        plant, answer = servo_model(self.servo, self.dt, self.delay, 1.0), _servo(self.servo, self.dt, self.delay)
-        for place in self.places:
-            yield margins(plant, law.seen_through(place.slope), self.dt, answer)
-
-
-class OnArm(NamedTuple):
-    """A suit on its arm."""
-
-    suit: Suit
-    angles: tuple[float, ...]
-    """Of the elbow, for each place [rad]."""
-    taut: tuple[bool, ...]
-    """Whether the extensor is, likewise."""
-    places: tuple[OperatingPoint, ...]
-    leaves_out: str = OF_A_SUIT
-
-    @property
-    def alone(self) -> Suit:
-        """See `LinearPlant`."""
-        return without_friction(self.suit)
-
-    def margins(self, law: LawModel) -> Iterator[Margins]:
-        """See `LinearPlant`."""
-        dt = self.suit.sample_time
-        of_joint, of_motor = (response(part, frequencies(dt), dt) for part in (law.by_joint, law.by_motor))
-        for place, angle, taut in zip(self.places, self.angles, self.taut, strict=True):
-            near = _on_arm(self.suit, angle, taut, place.bend)
-            seen = law.b @ np.vstack([near.joint, near.motor])
-            states, own = len(near.a), len(law.a)
-            whole = np.zeros((states + own, states + own))
-            whole[:states, :states], whole[states:, :states], whole[states:, states:] = near.a, seen, law.a
-            through = np.hstack([law.d @ np.vstack([near.joint, near.motor]), law.c[0]])[None, :]
-            loop = StateSpace(whole, np.vstack([near.b, np.zeros((own, 1))]), through, 0.0)
-            yield margins(loop, _CLOSED, dt, near.joint_answer * of_joint + near.motor_answer * of_motor)
+def _on_arms(suit: Suit, places: Iterable[OperatingPoint], law: LawModel) -> Iterator[Margins]:
+    """Of a suit on its arm."""
+    dt = suit.sample_time
+    of_joint, of_motor = (response(part, frequencies(dt), dt) for part in (law.by_joint, law.by_motor))
+    for place in places:
+        near = _on_arm(suit, place.angle, place.taut, place.bend)
+        seen = law.b @ np.vstack([near.joint, near.motor])
+        states, own = len(near.a), len(law.a)
+        whole = np.zeros((states + own, states + own))
+        whole[:states, :states], whole[states:, :states], whole[states:, states:] = near.a, seen, law.a
+        through = np.hstack([law.d @ np.vstack([near.joint, near.motor]), law.c[0]])[None, :]
+        loop = StateSpace(whole, np.vstack([near.b, np.zeros((own, 1))]), through, 0.0)
+        yield margins(loop, _CLOSED, dt, near.joint_answer * of_joint + near.motor_answer * of_motor)
 
 
 _CLOSED = StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 1.0)
 """What closes a loop that has the law in it."""
+
+
+def laws_seen(plant: Plant, law: LawModel) -> list[LawModel]:
+    """A law near rest from the true joint on: as it is, or behind the estimate of the joint's angle."""
+    if not isinstance(plant, Estimated):
+        return [law]
+    return [behind_estimate(law, plant.model, gains, plant.sample_time) for gains in _gains(plant)]
+
+
+def _gains(plant: Estimated) -> tuple[tuple[float, float], ...]:
+    return settled_estimate(plant.model, plant.sample_time).gains
 
 
 def linear_plant(
@@ -130,24 +136,19 @@ def linear_plant(
         ParameterError: a plant that does not follow its motor.
     """
     ends = tuple(dict.fromkeys(bends))
+    if isinstance(plant, Estimated):
+        return LinearPlant(plant, linear_plant(plant.inner, ends, stroke, reversals=reversals).points)
     if isinstance(plant, Suit):
         low, high = stroke
-        corners = tuple(itertools.product(ends, (low, 0.5 * (low + high), high), (True, False)))
-        places = tuple(
-            OperatingPoint(
-                bend,
-                _on_arm(plant, angle, taut, bend).slope,
-                f"elbow at {angle * DEGREES:.0f}°, extensor {'taut' if taut else 'slack'}",
-            )
-            for bend, angle, taut in corners
-        )
-        return OnArm(plant, tuple(angle for _, angle, _ in corners), tuple(taut for *_, taut in corners), places)
-    places = tuple(
-        OperatingPoint(bend, slope, "")
-        for bend in ends
-        for slope in slopes_of(plant, bend, stroke, reversals=reversals)
-    )
-    return BehindServo(plant.servo, plant.sample_time, plant.delay, places)
+        corners = itertools.product(ends, (low, 0.5 * (low + high), high), (True, False))
+        return LinearPlant(plant, tuple(_in_suit(plant, *corner) for corner in corners))
+    each = ((bend, slope) for bend in ends for slope in slopes_of(plant, bend, stroke, reversals=reversals))
+    return LinearPlant(plant, tuple(OperatingPoint(*one) for one in each))
+
+
+def _in_suit(suit: Suit, bend: float, angle: float, taut: bool) -> OperatingPoint:
+    at = f"elbow at {angle * DEGREES:.0f}°, extensor {'taut' if taut else 'slack'}"
+    return OperatingPoint(bend, _on_arm(suit, angle, taut, bend).slope, at, angle, taut)
 
 
 def slopes_of(plant: Plant, bend: float, stroke: tuple[float, float], *, reversals: bool = True) -> list[float]:

@@ -13,7 +13,6 @@ from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.design.power import unpowered
-from bowden.plants.cable_plant import CablePlant
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.user_plant import UserPlant
 from bowden.plants.worn_suit import elbow_dead_zone
@@ -253,7 +252,7 @@ def _path(rig: Rig) -> NDArray[np.float64]:
 def _weak(rig: Rig, limits: Limits, path: NDArray[np.float64]) -> Iterator[str]:
     """Whether the motor can hold the joint's spring along the reference."""
     plant, motor = rig.cabled, rig.motor
-    if isinstance(plant, UserPlant) or (isinstance(plant, CablePlant) and plant.cable.physical):
+    if isinstance(plant, UserPlant) or plant.simulated_cable.physical:
         return
     load = rig.slope * (motor.pretension + motor.spring * (path - rig.home))
     current = load / (motor.gear * motor.torque_constant)

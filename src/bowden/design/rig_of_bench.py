@@ -144,9 +144,33 @@ def _table(title: str, section: type[Section], given: Mapping[str, Any] = Mappin
     return _aligned(f"[{title}]  # {sentence(section)}", rows)
 
 
+def own_text(head: str, given: Mapping[str, Mapping[str, Any]], notes: Mapping[str, str]) -> str:
+    """A rig.toml with some sections and keys of them, each key with its unit and meaning.
+
+    Args:
+        head: comments above.
+        given: section → key → value, as a file has it; a key that begins with # is shown as a comment. A section
+            without keys is left out.
+        notes: section, or section and key with a dot between → what is said of it in place of that.
+    """
+    known = {title: {key.name: key for key in keys_of(kinds[0])} for title, kinds in sections()}
+    tables = []
+    for title, keys in given.items():
+        rows = []
+        for name, value in keys.items():
+            key = known.get(title, {}).get(name.removeprefix("# "))
+            note = notes.get(f"{title}.{name.removeprefix('# ')}", "" if key is None else key.meaning)
+            unit = "" if key is None or key.unit == "–" else f"[{key.unit}] "
+            rows.append((f"{name} = {json.dumps(value, ensure_ascii=False)}", f"{unit}{note}"))
+        if rows:
+            tables.append(_aligned(f"[{title}]" + (f"  # {notes[title]}" if title in notes else ""), rows))
+    return "\n\n".join([head.rstrip(), *tables]) + "\n"
+
+
 def _aligned(head: str, rows: list[tuple[str, str]]) -> str:
     width = max(len(left) for left, _ in rows)
-    return "\n".join([head, *(f"{left:<{width}}  # {comment.rstrip('.')}" for left, comment in rows)])
+    lines = (f"{left:<{width}}  # {comment.rstrip('.')}" if comment else left for left, comment in rows)
+    return "\n".join([head, *lines])
 
 
 def _commented(text: str) -> str:

@@ -4,13 +4,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from bowden.core.errors import ParameterError
-from bowden.core.toml_text import quoted
-from bowden.core.units import DEGREES, RADIANS
+from bowden.core.units import DEGREES, HERTZ, RADIANS
+from bowden.design.rig_of_bench import own_text
 from bowden.plants.counting import Counting, Covered
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.presets.bench import default_bench
@@ -28,48 +28,21 @@ _LEAST_SPAN = 1.0
 _ROOM = 15.0
 """What motor and joint may go beyond the covered motion [deg]: a law crosses the play, and overshoots."""
 
-TEXT = """\
+_HEAD = """\
 # {name}: a bench with your cable. Next: bowden simulate {name}
 # What is not here is as on the paper's bench; `bowden init OTHER.toml` writes every key, docs/rig.md explains them.
-
-[cable]
-model = {model}
-model_hash = "{digest}"  # of that model: another one in its file is refused
-{counting}
-[bench]  # the loop's own clock, whatever the rate of the log
-sample_time_ms = {cycle:.1f}  # [ms] one control cycle
-delay_cycles = {delay}      # cycles from a sample to its command at the servo{late}; change it with the cycle
-
-{servo}
-natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have
-damping = {damping:.1f}                 # ratio; 1 is critical
-{motor}
-[encoder.joint]  # {joint_whose}
-resolution_deg = {joint_count:.11g}  # [°] one count
-noise_deg = {noise:.2f}                # [°] standard deviation
-
-[encoder.motor]  # at the spool; {motor_whose}
-resolution_deg = {motor_count:.11g}  # [°] one count
-noise_deg = {noise:.2f}                # [°] standard deviation
-
-[control]
-law = {law}  # {why}
-{gains}
-[reference]  # {within}
-kind = "periodic_minimum_jerk"
-low_deg = {low}    # [°] lower end
-high_deg = {high}  # [°] upper end
-period_s = 10.0  # [s] there and back
-
-[scenario]
-duration_s = 60.0  # [s]
-
-[limits]  # of bowden run; what is not here follows from the cable, this range and the cycle (docs/safety.md)
-joint_low_deg = {joint_low:<7.1f}  # [°] smallest angle of the joint: {limited}
-joint_high_deg = {joint_high:<6.1f}  # [°] largest
 """
-
-
+_NOTES = {
+    "cable.model_hash": "of that model: another one in its file is refused",
+    "cable.direction": "the joint falls as the log's motor rises: the motor is counted the other way here",
+    "cable.motor_zero_deg": "of the log, zero here: the lower end of its motion stands for where the cable is taut",
+    "cable.joint_zero_deg": "of the log, zero here",
+    "bench": "the loop's own clock, whatever the rate of the log",
+    "servo": NOT_YOURS.removeprefix("[servo]  # "),
+    "servo.natural_frequency_hz": "it decides how much gain a law may have",
+    "motor": "put your own here; the drive counts the motor before this gear, and all angles are behind it",
+    "limits": "of bowden run; what is not here follows from the cable, this range and the cycle (docs/safety.md)",
+}
 _LOGS, _PAPERS = "the count is the log's, the noise of the paper's bench", "of the paper's bench: put your own here"
 
 
@@ -147,67 +120,59 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
     bench, seen = default_bench(), counted.covered
     low, high, within = _reference(seen)
     ends, room = (Limits(), 0.0) if seen is None else (seen, _ROOM)
-    late = cable.encoders.joint_late
-    return TEXT.format(
-        name=name,
-        model=quoted(model),
-        digest=cable.digest,
-        counting=_counting_lines(counting),
-        cycle=1e3 * bench.sample_time,
-        delay=bench.delay + cable.encoders.late_cycles(bench.sample_time),
-        late=f"; of them {1e3 * late:.3g} ms of the joint's sensor" if late else "",
-        servo=NOT_YOURS,
-        frequency=bench.servo.natural_frequency / (2.0 * math.pi),
-        damping=bench.servo.damping,
-        motor=_motor_lines(bench.motor.gear, counted.bouc_wen.slope / DEFAULT_CABLE.slope),
-        joint_count=(cable.encoders.joint or bench.joint_encoder.resolution) * DEGREES,
-        motor_count=(cable.encoders.motor or bench.motor_encoder.resolution) * DEGREES,
-        joint_whose=_LOGS if cable.encoders.joint else _PAPERS,
-        motor_whose=_LOGS if cable.encoders.motor else _PAPERS,
-        noise=bench.joint_encoder.noise * DEGREES,
-        law=quoted(chosen.law),
-        why=chosen.why,
-        gains=gain_lines(chosen.gains),
-        within=within,
-        low=low,
-        high=high,
-        joint_low=math.floor(ends.joint_low * DEGREES - room),
-        joint_high=math.ceil(ends.joint_high * DEGREES + room),
-        limited=f"{_ROOM:g}° beyond what the log covered" if seen else "of the paper's bench: put your own here",
-    )
+    slope = counted.bouc_wen.slope / DEFAULT_CABLE.slope  # the motor is as strong at the joint as on the bench
+    noise, encoders = round(bench.joint_encoder.noise * DEGREES, 2), cable.encoders
+    steps = {"joint": bench.joint_encoder.resolution, "motor": bench.motor_encoder.resolution}
+    each = {side: getattr(encoders, side) or step for side, step in steps.items()}
+    given = {
+        "cable": {"model": model, "model_hash": cable.digest} | _counting_keys(counting),
+        "bench": {
+            "sample_time_ms": round(1e3 * bench.sample_time, 1),
+            "delay_cycles": bench.delay + encoders.late_cycles(bench.sample_time),
+        },
+        "servo": {
+            "natural_frequency_hz": _short(bench.servo.natural_frequency / HERTZ, 4),
+            "damping": round(bench.servo.damping, 1),
+        },
+        "motor": {"gear": _short(bench.motor.gear * max(slope, 1.0), 4)},
+        **{
+            f"encoder.{side}": {"resolution_deg": _short(step * DEGREES, 11), "noise_deg": noise}
+            for side, step in each.items()
+        },
+        "control": {"law": chosen.law},
+        "control.gains": dict(chosen.gains),
+        "reference": {"kind": "periodic_minimum_jerk", "low_deg": low, "high_deg": high, "period_s": 10.0},
+        "scenario": {"duration_s": 60.0},
+        "limits": {
+            "joint_low_deg": float(math.floor(ends.joint_low * DEGREES - room)),
+            "joint_high_deg": float(math.ceil(ends.joint_high * DEGREES + room)),
+        },
+    }
+    late = f"; of them {1e3 * encoders.joint_late:.3g} ms of the joint's sensor" if encoders.joint_late else ""
+    limited = f"{_ROOM:g}° beyond what the log covered" if seen else "of the paper's bench: put your own here"
+    whose = "as strong at the joint as on the bench" if slope > 1.0 else "of the paper's bench"
+    notes = _NOTES | {
+        "bench.delay_cycles": f"cycles from a sample to its command at the servo{late}; change it with the cycle",
+        "motor.gear": f"motor turns per spool turn: {whose}",
+        "encoder.joint": _LOGS if encoders.joint else _PAPERS,
+        "encoder.motor": f"at the spool; {_LOGS if encoders.motor else _PAPERS}",
+        "control.law": chosen.why,
+        "reference": within,
+        "limits.joint_low_deg": f"smallest angle of the joint: {limited}",
+    }
+    return own_text(_HEAD.format(name=name), given, notes)
 
 
-def _motor_lines(gear: float, slope: float) -> str:
-    """The motor behind a gear that makes it as strong at the joint as on the bench, where the slope takes from that."""
-    why = "as strong at the joint as on the bench" if slope > 1.0 else "of the paper's bench"
-    return f"""
-[motor]  # put your own here; the drive counts the motor before this gear, and all angles are behind it
-gear = {gear * max(slope, 1.0):.4g}  # motor turns per spool turn: {why}
-"""
-
-
-def gain_lines(gains: Mapping[str, float]) -> str:
-    """The section of a law's gains between two others; empty where there are none."""
-    if not gains:
-        return ""
-    return "\n".join(["\n[control.gains]", *(f"{name} = {value!r}" for name, value in gains.items()), ""])
-
-
-def _counting_lines(counting: Counting) -> str:
-    if counting.as_recorded:
-        return ""
-    lines = []
-    if counting.direction < 0:
-        lines.append(
-            "direction = -1  # the joint falls as the log's motor rises: the motor is counted the other way here"
-        )
+def _counting_keys(counting: Counting) -> dict[str, Any]:
+    keys: dict[str, Any] = {"direction": -1} if counting.direction < 0 else {}
     if (counting.motor_zero, counting.joint_zero) != (0.0, 0.0):
-        lines.append(
-            "# The log does not count from where the cable is just taut; the lower end of its motion stands for that."
-        )
-        lines.append(f"motor_zero_deg = {counting.motor_zero * DEGREES:.1f}  # [°] of the log, zero here")
-        lines.append(f"joint_zero_deg = {counting.joint_zero * DEGREES:.1f}  # [°] of the log, zero here")
-    return "\n".join(lines) + "\n"
+        for name in ("motor_zero", "joint_zero"):
+            keys[f"{name}_deg"] = round(getattr(counting, name) * DEGREES, 1)
+    return keys
+
+
+def _short(number: float, digits: int) -> float:
+    return float(f"{number:.{digits}g}")
 
 
 def _reference(seen: Covered | None) -> tuple[float, float, str]:

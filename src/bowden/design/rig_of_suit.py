@@ -1,73 +1,45 @@
 """The rig.toml that ``bowden init --suit`` writes: the suit on an arm, moved by EMG, live against its twin."""
 
 import math
+from typing import Any
 
 from bowden.core.errors import ParameterError
-from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
-from bowden.design.rig_of_model import Chosen, gain_lines
+from bowden.design.rig_of_bench import own_text
+from bowden.design.rig_of_model import Chosen
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.presets.bench import default_bench
 from bowden.plants.suit_settings import SuitSettings
 from bowden.plants.worn_suit import USUAL_DEAD_ZONE, elbow_dead_zone
 from bowden.rig.consistent import CROSSING, PLAYS
 
-_TEXT = """\
+_HEAD = """\
 # {name}: a suit on an arm, moved by EMG. Keys that are not here have their defaults: docs/rig.md.
 #
 #   bowden run {name} --twin --auto --emg file:RECORDING.csv      # a recording, against the twin
 #   bowden run {name} --twin --emg lsl:NAME                       # a stream
-
-{cable}[suit]
-worn = true
-# friction_feedforward_nm = 2.79  # [N·m] 0.7 of the friction at the spool; the drive has to map object 60B2h
-drive_integral_per_s = 40.0  # [1/s] without an integral a drive does not follow its target against this friction
-
-[motor]  # put your own here: the drive counts the motor before this gear and the next, all angles are behind both
-gear = {gear:g}  # motor turns per turn of the second stage, suit.second_gear = {second:g} turns of which turn the spool
-
-[wearer]
-mass_kg = 75.0    # [kg] of the body
-height_m = 1.75   # [m] of the body
-share = 0.0       # share of the arm's weight that the wearer carries
-
-{encoder}[control]
-law = {law}  # {why}
-{gains}
-[scenario]
-duration_s = 60.0  # [s] a run by a recording ends with it
-
-[limits]
-motor_low_deg = {low:<19.1f}  # [°] room for the law below the straight arm
-motor_margin_deg = 8.0               # [°] the drive's integral overshoots its target by this in a release
-play_deg = {play:<24.1f}  # [°] fabric gives way, and the arm falls behind a cable that is let out
-tracking_deg = 15.0                  # [°] the servo's model knows no friction: gears hold the motor as it turns
-thermal_continuous_current_a = 12.0  # [A] the paper's flexion draws 10 A for 25 s, more than its motor's 6 A
-
-[emg]
-# source = "lsl:EMG"       # or trigno:HOST, file:PATH; or bowden run --emg
-# wearer = "wearer.toml"   # of bowden emg calibrate; for the envelope in % MVC
-# flexor = "biceps"        # the first channel if left out
-# extensor = "triceps"     # left out, one muscle takes turns: flex, extend, flex, …
-low_deg = 0.0
-high_deg = 60.0
-duration_s = 2.0           # [s] of the whole motion
 """
-_CABLE = """\
-[cable]  # both cables lose what this one does, as a length at the spool; what the elbow does is the suit's geometry
-model = {}
-model_hash = "{}"  # of that model: another one in its file is refused
-
-"""
+_NOTES = {
+    "cable": "both cables lose what this one does, as a length at the spool; the elbow's motion is the suit's geometry",
+    "cable.model_hash": "of that model: another one in its file is refused",
+    "suit.friction_feedforward_nm": "0.7 of the friction at the spool; the drive has to map object 60B2h",
+    "suit.drive_integral_per_s": "without an integral a drive does not follow its target against this friction",
+    "motor": "put your own here: the drive counts the motor before this gear and the next, all angles are behind both",
+    "wearer.share": "share of the arm's weight that the wearer carries",
+    "encoder.motor": "of the log, at the spool",
+    "scenario.duration_s": "a run by a recording ends with it",
+    "limits.motor_low_deg": "room for the law below the straight arm",
+    "limits.motor_margin_deg": "the drive's integral overshoots its target by this in a release",
+    "limits.play_deg": "fabric gives way, and the arm falls behind a cable that is let out",
+    "limits.tracking_deg": "the servo's model knows no friction: gears hold the motor as it turns",
+    "limits.thermal_continuous_current_a": "the paper's flexion draws 10 A for 25 s, more than its motor's 6 A",
+    "emg.source": "or trigno:HOST, file:PATH; or bowden run --emg",
+    "emg.wearer": "of bowden emg calibrate; for the envelope in % MVC",
+    "emg.flexor": "the first channel if left out",
+    "emg.extensor": "left out, one muscle takes turns: flex, extend, flex, …",
+    "emg.duration_s": "of the whole motion",
+}
 _OWN = Chosen("bowden", "begins with its gains for a suit")
-
-
-_ENCODER = """\
-[encoder.motor]  # of the log
-resolution_deg = {:.11g}  # [°] one count, at the spool
-
-"""
-
 
 _LOW, _PLAY = -12.0, 20.0
 """Limits of the usual suit [deg]; one that loses more has more room, as on the bench."""
@@ -100,15 +72,27 @@ def suit_text(name: str, model: str | None = None, chosen: Chosen = _OWN, cable:
                 "suit.play_mm in the file",
             )
         more = max(0.0, lost - USUAL_DEAD_ZONE) * DEGREES
-    return _TEXT.format(
-        name=name,
-        cable="" if model is None or cable is None else _CABLE.format(quoted(model), cable.digest),
-        encoder=_ENCODER.format(count * DEGREES) if count else "",
-        law=quoted(chosen.law),
-        why=chosen.why,
-        gains=gain_lines(chosen.gains),
-        gear=default_bench().motor.gear,
-        second=SuitSettings().second_gear,
-        low=math.floor(_LOW - CROSSING * more),
-        play=math.ceil(_PLAY + PLAYS * more),
-    )
+    second = SuitSettings().second_gear
+    given: dict[str, dict[str, Any]] = {
+        "cable": {} if cable is None else {"model": model, "model_hash": cable.digest},
+        "suit": {"worn": True, "# friction_feedforward_nm": 2.79, "drive_integral_per_s": 40.0},
+        "motor": {"gear": default_bench().motor.gear},
+        "wearer": {"mass_kg": 75.0, "height_m": 1.75, "share": 0.0},
+        "encoder.motor": {"resolution_deg": float(f"{count * DEGREES:.11g}")} if count else {},
+        "control": {"law": chosen.law},
+        "control.gains": dict(chosen.gains),
+        "scenario": {"duration_s": 60.0},
+        "limits": {
+            "motor_low_deg": float(math.floor(_LOW - CROSSING * more)),
+            "motor_margin_deg": 8.0,
+            "play_deg": float(math.ceil(_PLAY + PLAYS * more)),
+            "tracking_deg": 15.0,
+            "thermal_continuous_current_a": 12.0,
+        },
+        "emg": {
+            **{"# source": "lsl:EMG", "# wearer": "wearer.toml", "# flexor": "biceps", "# extensor": "triceps"},
+            **{"low_deg": 0.0, "high_deg": 60.0, "duration_s": 2.0},
+        },
+    }
+    gear = f"motor turns per turn of the second stage, suit.second_gear = {second:g} turns of which turn the spool"
+    return own_text(_HEAD.format(name=name), given, _NOTES | {"motor.gear": gear, "control.law": chosen.why})

@@ -12,6 +12,7 @@ from bowden.control.law import Law
 from bowden.control.reference import PointToPoint, Trajectory
 from bowden.core.units import DEGREES
 from bowden.models.cable.sheath_path import constant_bend
+from bowden.plants.estimated import measured_plant
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import transmission, unrest
@@ -77,7 +78,7 @@ def run_trial(
     bounds = Bounds(
         furthest=length + min(2.0 * free.off, length) + free.span,
         most=2.0 * transmission(bench, bend, stroke).dead_zone + float(np.radians(1.0)) + free.span,
-        least=_FOLLOWS * length if isinstance(bench, Suit) else 0.0,
+        least=_FOLLOWS * length if isinstance(measured_plant(bench), Suit) else 0.0,
     )
     return judged(trace, length, moving, bounds)
 

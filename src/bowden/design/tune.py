@@ -41,6 +41,7 @@ from bowden.design.tune_judge import (
 from bowden.design.tune_result import REACH, Tuning
 from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_of
 from bowden.models.drive.servo import Servo
+from bowden.plants.estimated import measured_plant
 from bowden.plants.knowledge_of import knowledge_of, with_loop
 from bowden.plants.plant import Plant, changed
 from bowden.plants.suit_parts import Suit
@@ -133,7 +134,7 @@ def tune(
         BrokenOff: interrupted, with gains that keep the margins and are better than those before.
     """
     if generations is None:
-        share = _OF_SUIT if isinstance(bench, Suit) else 1.0
+        share = _OF_SUIT if isinstance(measured_plant(bench), Suit) else 1.0
         generations = max(_FEWEST, round(share * GENERATIONS * min(1.0, bench.sample_time / 1e-3)))
     rig = TuningTarget(bench, bends or (bench.sheath.bend, 2.0 * bench.sheath.bend), stroke)
     random = np.random.default_rng(seed)
@@ -460,6 +461,6 @@ def easier(bench: Plant, factor: float) -> Iterable[tuple[str, Plant]]:
 
 def _with_servo(bench: Plant, servo: Servo) -> Plant:
     """The plant with another servo; a suit's is its motor's."""
-    if isinstance(bench, Suit):
-        return bench._replace(motor=bench.motor._replace(servo=servo))
+    if isinstance(measured_plant(bench), Suit):
+        return changed(bench, motor=bench.motor._replace(servo=servo))
     return changed(bench, servo=servo)

@@ -78,13 +78,8 @@ def shortfall(task: Task) -> float:
         return missing
     bench, rig = _thinned(task.rig.bench), task.rig
     for point in linear_points(bench, task.law, rig.bends, task.estimates, resolution, rig.stroke):
-        found = point.margins
-        if not found.stable:
-            missing = max(missing, UNSTABLE + found.largest_pole)
-        if found.gain_margin_db is not None:
-            missing = max(missing, 1.0 - found.gain_margin_db / WANTED_DB)
-        if found.phase_margin_deg is not None:
-            missing = max(missing, 1.0 - found.phase_margin_deg / WANTED_DEG)
+        share = point.margins.share(WANTED_DB, WANTED_DEG)
+        missing = max(missing, 1.0 - share if point.margins.stable else UNSTABLE - share)
     return missing
 
 

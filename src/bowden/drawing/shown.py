@@ -134,8 +134,7 @@ def fragment(title: str, rows: Rows, figure: "Figure | None" = None) -> str:
         for label, text in rows
         if text
     )
-    drawn = "" if figure is None else _svg(figure)
-    return f"<div><b>{html.escape(title)}</b><table>{cells}</table>{drawn}</div>"
+    return _titled(title, cells, figure)
 
 
 def table(title: str, names: Sequence[str], rows: Iterable[Sequence[str]], figure: "Figure | None" = None) -> str:
@@ -146,8 +145,12 @@ def table(title: str, names: Sequence[str], rows: Iterable[Sequence[str]], figur
     """
     head = "".join(f"<th>{html.escape(name)}</th>" for name in names)
     cells = "".join(f"<tr>{''.join(f'<td>{html.escape(text)}</td>' for text in row)}</tr>" for row in rows)
+    return _titled(title, f"<tr>{head}</tr>{cells}", figure)
+
+
+def _titled(title: str, cells: str, figure: "Figure | None") -> str:
     drawn = "" if figure is None else _svg(figure)
-    return f"<div><b>{html.escape(title)}</b><table><tr>{head}</tr>{cells}</table>{drawn}</div>"
+    return f"<div><b>{html.escape(title)}</b><table>{cells}</table>{drawn}</div>"
 
 
 def _svg(figure: "Figure") -> str:

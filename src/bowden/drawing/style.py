@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.units import DEGREES
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -312,3 +314,21 @@ def thin(x: Array, y: Array, most: int = 4000) -> tuple[Array, Array]:
     breaks = inside[rows, good.argmin(axis=1)][~good.all(axis=1)]
     index = np.unique(np.concatenate([[0, n - 1], lowest, highest, breaks]))
     return x[index], y[index]
+
+
+def draw_motion(axes: Axes, time: Array, reference: Array, joint: Array, colour: str = COLOURS["joint"]) -> None:
+    """Reference and joint over time: (n,) [s], (n,) and (n,) [rad]."""
+    axes.plot(*thin(time, joint * DEGREES), color=colour, label="joint")
+    axes.plot(*thin(time, reference * DEGREES), color=COLOURS["reference"], lw=1.0, ls="--", label="reference")
+    axes.set_ylabel("angle [°]")
+    stay_near(axes, [reference * DEGREES], [joint * DEGREES])
+    legend(axes)
+
+
+def draw_error(axes: Axes, time: Array, reference: Array, joint: Array, colour: str = COLOURS["error"]) -> None:
+    """Joint − reference over time; of a run that ran away, what lies within a tenth of its motion."""
+    error = (joint - reference) * DEGREES
+    axes.plot(*thin(time, error), color=colour, lw=1.1)
+    wanted = error if np.isfinite(error).all() else 0.1 * (reference - np.nanmean(reference)) * DEGREES
+    stay_near(axes, [wanted], [error])
+    axes.set(xlabel="time [s]", ylabel="error [°]")

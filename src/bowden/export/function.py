@@ -19,10 +19,12 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import global_value, is_kernel, reaching
 from bowden.core.nested import is_named
 from bowden.core.primitives import cos, exp, floor, log, power, sin, sqrt, tanh
-from bowden.export.kinds import (
+from bowden.export.source import KernelSource, operators
+from bowden.export.unit import (
     Kind,
     Row,
     Struct,
+    Unit,
     hints_of,
     identifier,
     is_enum,
@@ -31,9 +33,8 @@ from bowden.export.kinds import (
     kind_name,
     kind_of,
     snake_case,
+    unused,
 )
-from bowden.export.source import KernelSource, operators
-from bowden.export.unit import Unit, unused
 
 CHOICE, OR, AND, BITS, EQUAL, LESS, SUM, PRODUCT, UNARY, ATOM = range(10)
 """How strongly an operator of C binds; those of bits stand in brackets beside one another."""
@@ -49,17 +50,22 @@ _BY_LEVEL: dict[int, dict[type[ast.AST], str]] = {
     UNARY: {ast.USub: "-", ast.UAdd: "+", ast.Invert: "~", ast.Not: "!"},
 }
 _OPERATORS = {kind: (sign, level) for level, signs in _BY_LEVEL.items() for kind, sign in signs.items()}
-_LIBM: dict[Any, str] = {one: one.__name__ for one in (exp, sin, cos, log, sqrt, tanh, floor, math.copysign)}
-_LIBM |= {power: "pow", abs: "fabs"}
-_TRUTHS = (math.isnan, math.isfinite, math.isinf)
-_CALLS: dict[Any, str] = {
+_BUILT_IN: dict[Any, tuple[str, int, Kind]] = {
+    **{one: (one.__name__, 1, float) for one in (exp, sin, cos, log, sqrt, tanh, floor)},
+    **{abs: ("fabs", 1, float), power: ("pow", 2, float), math.copysign: ("copysign", 2, float)},
+    **{one: (one.__name__, 1, bool) for one in (math.isnan, math.isfinite, math.isinf)},
+    **{one: ("", 1, one) for one in (float, bool, int)},
+}
+"""Function that takes numbers → its name in C, how many it takes, and the kind of its result; a kind converts."""
+_INSTEAD: dict[Any, str] = {
     np.where: "use a if condition else b",
     math.pow: "import power from bowden.core.kernel",
     math.fabs: "use abs(x)",
     sum: "add the terms up",
+    **dict.fromkeys(_BUILT_IN, "give it numbers, in their order"),
 }
 """Function → what to write in its place."""
-_LOCAL, _NOTHING = object(), object()
+_LOCAL = object()
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,7 @@ def called(unit: Unit, function: Any, kinds: tuple[Kind, ...]) -> tuple[str, Kin
         name = identifier(function.__name__)
         if name in unit.functions or name in unit.helpers:
             name = f"{function.__module__.rpartition('.')[2]}_{name}"
-        name = unused(name, {*unit.functions, *(f"{unit.prefix}_{one.name}" for one in unit.module.functions)})
+        name = unused(name, {*unit.functions, *(f"{unit.prefix}_{one}" for one in unit.module.functions)})
         unit.functions[name], unit.made[key] = "", None
         made = Function(unit, function, kinds, name)
         text = made.written()
@@ -118,27 +124,20 @@ class Function:
 
     def __init__(self, unit: Unit, function: FunctionType, kinds: tuple[Kind, ...], name: str) -> None:
         self.unit, self.function, self.name = unit, function, name
-        self.parts = dict(reaching(function, unit.module.parts))
         self.source = KernelSource(function)
         self.refused = self.source.refused
         self.kinds: dict[str, Kind] = dict(zip(inspect.signature(function).parameters, kinds, strict=True))
         self.parameters = tuple(self.kinds)
         self.result: Kind = None
-        nodes = [node for one in self.source.body for node in ast.walk(one)]
-        stored = [node for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)]
-        self.assigned = Counter(node.id for node in stored)
-        """Name of a local → how often it is assigned."""
-        counters = [node.target for node in nodes if isinstance(node, ast.For)]
-        others = {node.id for node in stored if node not in counters}.union(self.parameters)
-        for one in counters:
-            if isinstance(one, ast.Name) and one.id in others:
-                raise self.refused(one, "which counts a loop and is another local", "give it another name")
-        self.homes = {name: _home(self.source.body, name) for name in self.assigned if name in others}
-        """Name of a local → the statement at which it is declared."""
+        body, parts = self.source.body, dict(reaching(function, unit.module.parts))
+        self.used, self.assigned = _names(body), _names(body, ast.Store)
+        """Name → how often it stands in the function, and how often it is assigned."""
+        loops = [node for one in body for node in ast.walk(one) if isinstance(node, ast.For)]
+        self.counters = _names((loop.target for loop in loops), ast.Store)
         self.declared = set(self.parameters)
         self.pointers = {name for name, kind in self.kinds.items() if not is_number(kind)}
         """Arguments that are handed over as pointers, and locals that are another name of what stands elsewhere."""
-        self._at: ast.stmt | None = None
+        self._outside = vars(builtins) | {name: global_value(function, name, parts) for name in function.__globals__}
 
     def written(self) -> str:
         """The whole function."""
@@ -146,9 +145,9 @@ class Function:
         lines = self._block(body)
         if not _ends(body):
             raise self.refused(body[-1], "behind which there is a way without a result", "add a return at its end")
-        given = ", ".join(self._parameter(name) for name in self.parameters) or "void"
+        given = ", ".join(map(self._parameter, self.parameters)) or "void"
         head = f"static inline {self.unit.type(self.result)} {self.name}({given})"
-        ignored = [f"    (void){identifier(name)};" for name in self.parameters if not _named(body, name)]
+        ignored = [f"    (void){identifier(name)};" for name in self.parameters if name not in self.used]
         return "\n".join([*self.source.docstring(), head, "{", *ignored, *lines, "}"])
 
     def _parameter(self, name: str) -> str:
@@ -161,18 +160,25 @@ class Function:
         """The lines of a block, one step further in than what it stands in."""
         lines: list[str] = []
         for k, one in enumerate(body):
-            above, self._at = self.source.above(one), one
-            made = self._statement(one)
-            opened = [name for name in self._opened(one) if name in self.kinds]
+            above, opened = self.source.above(one), self._opened(one)
             self.declared.update(opened)
+            made = self._statement(one)
             if k and (self.source.is_blank_after(body[k - 1]) or above):
                 lines.append("")
             lines += [*above, *(f"{self.unit.type(self.kinds[name])} {identifier(name)};" for name in opened), *made]
         return [f"    {line}" if line else "" for line in lines]
 
     def _opened(self, one: ast.stmt) -> list[str]:
-        """The locals that have to be declared before a statement."""
-        return sorted(name for name, home in self.homes.items() if home is one and name not in self.declared)
+        """The locals to be declared before a statement: set within it, where no block of it has them to itself.
+
+        The block of a loop has not what one pass may leave to the next.
+        """
+        if not isinstance(one, ast.If | ast.For):
+            return []
+        own = {name for block in (one.body, one.orelse) for name, n in _names(block).items() if n == self.used[name]}
+        if isinstance(one, ast.For):
+            own = {name for name in own if _begins(one.body, name)}
+        return sorted(_names([one], ast.Store).keys() - self.declared - own - self.counters.keys())
 
     def _statement(self, one: ast.stmt) -> list[str]:
         match one:
@@ -209,6 +215,8 @@ class Function:
                 ends = [self._expression(end) for end in args]
         if len(ends) not in (1, 2) or any(end.kind is not int for end in ends):
             raise self.refused(one, "", "write for i in range(n), n a whole number that is fixed, and no else")
+        if name in self.parameters or self.assigned[name] > self.counters[name]:
+            raise self.refused(one.target, "which counts a loop and is another local", "give it another name")
         self.kinds[name], i = int, identifier(name)
         begin = ends[0].text if ends[1:] else "0"
         lines = [f"for (int {i} = {begin}; {i} < {ends[-1].within(SUM)}; ++{i}) {{", *self._block(one.body), "}"]
@@ -223,7 +231,7 @@ class Function:
             raise self.refused(target)
         if isinstance(value, ast.Tuple) and len(value.elts) == len(names):
             for k, one in enumerate(names):
-                if _named(value.elts[k + 1 :], one.id):
+                if one.id in _names(value.elts[k + 1 :]):
                     raise self.refused(one, "which is set and read at once", "assign on lines of their own")
             return [self._set(*pair) for pair in zip(names, map(self._expression, value.elts), strict=True)]
         whole, lines = self._expression(value), []
@@ -246,7 +254,7 @@ class Function:
             raise self.refused(target, given, "give the second one another name")
         if name in self.parameters and not is_number(kind):
             raise self.refused(target, "an argument that is set anew", "give it another name")
-        if name in self.declared or self.homes[name] is not self._at:
+        if name in self.declared:
             return f"{identifier(name)} = {value.text};"
         self.declared.add(name)
         type_, once = self.unit.type(kind), self.assigned[name] == 1
@@ -265,8 +273,8 @@ class Function:
             hint = hints_of(self.function).get("return")
             hints = [*(typing.get_args(hint) if several else [hint]), *[None] * len(nodes)]
             kinds = [kind_of(hint=want) or part.kind for part, want in zip(parts, hints, strict=False)]
-            names = [_name_of(node) or f"item{k}" for k, node in enumerate(nodes)]
-            names = names if len(set(names)) == len(names) else [f"item{k}" for k in range(len(names))]
+            names = [*map(_name_of, nodes)]
+            names = [name if names.count(name) == 1 and name else f"item{k}" for k, name in enumerate(names)]
             fields = tuple(zip(names, kinds, strict=True))
             self.result = Struct(f"{self.name}_result", fields) if several else kinds[0]
         made = {"": self.result} if getattr(self.result, "made", self) else dict(self.result.fields)
@@ -289,12 +297,14 @@ class Function:
             case ast.Name(id=name) if name in self.kinds:
                 mark, level = ("*", UNARY) if name in self.pointers else ("", ATOM)
                 return Expression(f"{mark}{identifier(name)}", self.kinds[name], level, self.assigned[name] < 2)
-            case ast.Name(id=name):
-                if name in self.assigned:
-                    raise self.refused(node, "which is read before it is set", "set it first")
-                return self._global(node, self.source.file, name)
-            case ast.Attribute():
-                return self._attribute(node)
+            case ast.Name(id=name) if name in self.assigned:
+                raise self.refused(node, "which is read before it is set", "set it first")
+            case ast.Name():
+                return self._global(node, self.source.file)
+            case ast.Attribute(value=value):
+                if (owner := self._looked_up(value)) is _LOCAL or is_named(owner):
+                    return self._field(node, self._expression(value))
+                return self._global(node, "" if owner is math or owner is np else getattr(owner, "__file__", ""))
             case ast.Subscript(value=value, slice=place):
                 row, at = self._expression(value), self._expression(place)
                 if at.kind is not int or not isinstance(row.kind, Row):
@@ -345,42 +355,32 @@ class Function:
             raise self.refused(node, f"which is {kind_name(found.kind)}", do, wanted)
         return found
 
-    def _attribute(self, node: ast.Attribute) -> Expression:
-        owner, name = self._looked_up(node.value), node.attr
-        if owner is not _LOCAL and not is_named(owner):
-            return self._global(node, "" if owner in (math, np) else getattr(owner, "__file__", ""), name)
-        whole = self._expression(node.value)
-        if name == "value" and is_enum(whole.kind):
+    def _field(self, node: ast.Attribute, whole: Expression) -> Expression:
+        if node.attr == "value" and is_enum(whole.kind):
             return Expression(f"(int64_t){whole.within(UNARY)}", int, UNARY)
         kinds = dict(getattr(whole.kind, "fields", ()))
-        if name not in kinds:
+        if node.attr not in kinds:
             raise self.refused(node, "", "name a field of a NamedTuple", ", ".join(kinds))
-        return whole.field(name, kinds[name])
+        return whole.field(node.attr, kinds[node.attr])
 
-    def _global(self, node: ast.expr, file: str, name: str) -> Expression:
+    def _global(self, node: ast.expr, file: str) -> Expression:
         """A constant of a file, by the name that it has there; of no file a number of `math`, or an enum's member."""
         value = self._looked_up(node)
         if (kind := kind_of(value)) is None:
             raise self.refused(node, f"which is {type(value).__name__}", "use numbers, tuples of them and kernels")
         if is_enum(kind) or not file:
             return Expression(self.unit.value(value, kind), kind)
-        return Expression(self.unit.constant(file, name, value), kind, fixed=True)
+        return Expression(self.unit.constant(file, ast.unparse(node).rpartition(".")[2], value), kind, fixed=True)
 
     def _looked_up(self, node: ast.expr) -> Any:
         """What a name outside the function stands for; `_LOCAL` for what is of a value within."""
-        found: Any = _LOCAL
-        match node:
-            case ast.Name(id=name) if name in self.kinds or name in self.assigned:
-                pass
-            case ast.Name(id=name) if name in self.function.__globals__:
-                found = global_value(self.function, name, self.parts)
-            case ast.Name(id=name):
-                found = {**vars(builtins), **inspect.getclosurevars(self.function).nonlocals}.get(name, _NOTHING)
-            case ast.Attribute(value=owner, attr=name) if (whole := self._looked_up(owner)) is not _LOCAL:
-                found = getattr(whole, name, _NOTHING)
-        if found is _NOTHING:
-            raise self.refused(node, "which is not defined", "correct the name")
-        return found
+        first, *more = ast.unparse(node).split(".")
+        if not first.isidentifier() or first in self.kinds or first in self.assigned:
+            return _LOCAL
+        try:
+            return functools.reduce(getattr, more, self._outside[first])
+        except (KeyError, AttributeError):
+            raise self.refused(node, "which is not defined", "correct the name") from None
 
     def _arithmetic(self, node: ast.BinOp) -> Expression:
         left, right = self._number(node.left), self._number(node.right)
@@ -401,8 +401,9 @@ class Function:
             case ast.Subscript(value=value, slice=ast.Slice() as part) if ast.unparse(part) == ":-1":
                 newest, past = [self._expression(one) for one in new], self._expression(value)
                 if isinstance(past.kind, Row) and [one.kind for one in newest] == [past.kind.of]:
-                    given = f"{newest[0].text}, {past.address(self.unit.type(past.kind))}"
-                    return Expression(f"{self.unit.shifted(past.kind)}({given})", past.kind)
+                    type_, item, length = self.unit.type(past.kind), self.unit.type(past.kind.of), past.kind.length
+                    helper = self.unit.helper(f"{type_}_shifted", type=type_, item=item, length=length)
+                    return Expression(f"{helper}({newest[0].text}, {past.address(type_)})", past.kind)
         raise self.refused(moved)
 
     def _compared(self, left: Expression, operator: ast.cmpop, right: Expression) -> Expression:
@@ -432,24 +433,25 @@ class Function:
 
     def _built_in(self, node: ast.Call, what: Any) -> Expression:
         """A call of one of Python's own functions, or of libm's, with numbers."""
-        known = not node.keywords and callable(what) and what in (*_LIBM, min, max, *_TRUTHS, float, bool, int)
-        given = [self._number(one) for one in node.args] if known else []
-        if what in (min, max) and given[1:]:
+        extreme = what is min or what is max
+        name, count, kind = _BUILT_IN.get(what, ("", 0, None)) if callable(what) else ("", 0, None)
+        given = [self._number(one) for one in node.args] if (count or extreme) and not node.keywords else []
+        if extreme and given[1:]:
             kind = functools.reduce(joined, (one.kind for one in given))
-            helper = self.unit.extreme(what.__name__, kind if kind is float else int)
+            name, type_ = (what.__name__, float) if kind is float else (f"{what.__name__}_int", int)
+            helper = self.unit.helper(name, type=self.unit.type(type_), sign="<" if what is min else ">")
             text = functools.reduce(lambda text, one: f"{helper}({text}, {one.text})", given[1:], given[0].text)
             return Expression(text if kind in (float, int) else f"({self.unit.type(kind)}){text}", kind)
-        if len(given) != (2 if what in (power, math.copysign) else 1) or what in (min, max):
+        if not count or len(given) != count:
             raise self.refused(node, "", _instead(what), "a kernel, or a function of the subset")
-        if what in _LIBM:
-            return Expression(f"{_LIBM[what]}{'f' * self.unit.single}({', '.join(one.text for one in given)})", float)
-        if what in _TRUTHS:
-            return Expression(f"{what.__name__}({given[0].text})", bool)
-        if what is int and given[0].kind is float:
+        if name:
+            suffix = "f" if self.unit.single and kind is float else ""
+            return Expression(f"{name}{suffix}({', '.join(one.text for one in given)})", kind)
+        if kind is int and given[0].kind is float:
             raise self.refused(node, "of a float", "use floor of bowden.core.kernel, which gives a float")
-        if given[0].kind is what:
+        if given[0].kind is kind:
             return given[0]
-        return Expression(f"({self.unit.type(what)}){given[0].within(UNARY)}", what, UNARY)
+        return Expression(f"({self.unit.type(kind)}){given[0].within(UNARY)}", kind, UNARY)
 
     def _given(self, node: ast.Call, what: Any) -> dict[str, Expression]:
         """Parameter → what a call gives it, as the kind that is annotated."""
@@ -477,24 +479,16 @@ class Function:
         return f"({self.unit.type(kind)}){{{fields}}}"
 
 
-def _named(body: Iterable[ast.AST], name: str) -> bool:
-    """Whether a name stands in there."""
-    return any(isinstance(node, ast.Name) and node.id == name for one in body for node in ast.walk(one))
+def _names(nodes: Iterable[ast.AST], context: type[ast.expr_context] = ast.expr_context) -> Counter[str]:
+    """Name → how often it stands there, in all contexts or in one."""
+    named = (node for one in nodes for node in ast.walk(one) if isinstance(node, ast.Name))
+    return Counter(node.id for node in named if isinstance(node.ctx, context))
 
 
-def _home(body: list[ast.stmt], name: str) -> ast.stmt:
-    """Where a local is declared: at the first statement that names it, of the innermost block that all these are in.
-
-    A loop is no such block for what one pass may leave to the next.
-    """
-    first, *more = (one for one in body if _named([one], name))
-    inner = [block for block in (getattr(first, "body", []), getattr(first, "orelse", [])) if _named(block, name)]
-    head = [one for key, one in ast.iter_fields(first) if key in ("test", "target", "iter")]
-    if more or len(inner) != 1 or _named(head, name):
-        return first
-    home = _home(inner[0], name)
-    anew = isinstance(home, ast.Assign) and not _named([home.value], name)
-    return home if anew or not isinstance(first, ast.For) else first
+def _begins(block: list[ast.stmt], name: str) -> bool:
+    """Whether a block sets a name before it reads it."""
+    first = next(one for one in block if name in _names([one]))
+    return isinstance(first, ast.Assign) and name not in _names([first.value])
 
 
 def _ends(body: list[ast.stmt]) -> bool:
@@ -512,10 +506,9 @@ def _name_of(part: ast.expr) -> str:
 
 def _instead(what: Any) -> str:
     """What to write in place of a call."""
-    name = getattr(what, "__name__", "")
-    if what in (*_LIBM, *_TRUTHS):
-        return "give it numbers, in their order"
+    name, other = getattr(what, "__name__", ""), "write it with what docs/own_law.md names"
     if isinstance(what, FunctionType):
-        return f"mark {name} with @kernel"
-    own = f"import {name} from bowden.core.kernel" if name in _LIBM.values() else ""
-    return _CALLS.get(what, own or "write it with what docs/own_law.md names")
+        other = f"mark {name} with @kernel"
+    elif any(name == one for one, _, _ in _BUILT_IN.values()):
+        other = f"import {name} from bowden.core.kernel"
+    return _INSTEAD.get(what, other)

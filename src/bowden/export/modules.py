@@ -3,16 +3,16 @@
 import inspect
 import math
 import re
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from bowden.control.conditioning import Conditioned, Conditioning, condition_start, condition_step
 from bowden.control.law import Law, law_start, law_step
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
-from bowden.core.signals import EMERGENCY_STOP, DriveState, Power, Reference, Sample
+from bowden.core.signals import DriveState, Power, Reference, Sample
 from bowden.cycle.one_cycle import Filters, filtered_sample
-from bowden.export.kinds import identifier
-from bowden.export.unit import Constant, Module, Public
+from bowden.export.unit import Module, identifier
 from bowden.hardware.emg.listener import filters_of
 from bowden.models.drive.thermal import cold
 from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_from
@@ -27,6 +27,7 @@ from bowden.sensing.course import CourseSettings, course_start, course_step
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import DEFAULTS, envelope_start, envelope_step, prepare_envelope
+from bowden.sensing.joint_angle import JointModel, MotorReach, track_start, track_step
 from bowden.sensing.wearer_file import MuscleCalibration
 
 UNFILTERED = Filters()
@@ -51,7 +52,10 @@ def begin_cycles(gains: Any, conditioning: Conditioning, sample: Sample) -> LawS
 def cycle(
     gains: Any, conditioning: Conditioning, state: LawState, sample: Sample, reference: Reference, sample_time: float
 ) -> tuple[LawState, float]:
-    """One cycle: the conditioner makes of the reference what the law is shown, and the law makes its command."""
+    """One cycle, to be called once in every sample time: the motor's target angle [rad].
+
+    The conditioner makes of the reference what the law is shown, and the law makes its command.
+    """
     conditioned, shown = condition_step(conditioning, state.conditioned, reference, sample_time)
     law, command = law_step(gains, state.law, sample, shown, sample_time)
     return LawState(law, conditioned), command
@@ -59,7 +63,7 @@ def cycle(
 
 @kernel
 def begun(begin: Any) -> Any:
-    """The state that was worked out in Python."""
+    """The state before the first sample."""
     return begin
 
 
@@ -67,7 +71,7 @@ def begun(begin: Any) -> Any:
 def sense(
     limits: Limits, filters: Filters, supervisor: SupervisorState, sample: Sample, observed: Observed, dt: float
 ) -> Sample:
-    """What the law is given in a cycle, as `cycle.one_cycle` gives it."""
+    """The sample of a law in this cycle: the last valid angles; before `supervise`, of its state."""
     return filtered_sample(filters, sample, validate_readings(limits, supervisor, observed, dt), observed.reading, dt)
 
 
@@ -84,91 +88,82 @@ def law_module(law: Law, sample_time: float, encoders: counts.Counts | SpoolMap 
         sample_time: length of a cycle [s].
         encoders: how the rig's count, or on a suit how its spool turns; None for code without conversions.
     """
-    given = {
-        "gains": Constant(law.gains, "the law's gains"),
-        "conditioning": Constant(law.conditioning, "what the conditioner knows of the rig"),
-    }
-    steps = given | {"state": state_of(law), "sample_time": Constant(float(sample_time), "length of a cycle [s]")}
-    to_rest = "to rest at an end [rad]: the reference at a time since it began [s], of a duration [s]"
-    begun = "The state in which a law begins at a sample."
-    stepped = f"One cycle, to be called every {sample_time:g} s: the motor's target angle [rad]."
-    to_rest = "to rest at an end [rad]: the reference at a time since it began [s], of a duration [s]"
-    return Module(
-        prefix(law),
-        f"The control law {law.name!r}: {law.source}.",
-        [
-            Public("start", begin_cycles, ("state",), begun, given),
-            Public("step", cycle, ("state", "return"), stepped, steps),
-            Public("minimum_jerk", minimum_jerk, ("return",), f"The motion of minimum jerk from rest {to_rest}."),
-            Public("minimum_jerk_from", minimum_jerk_from, ("return",), f"The same from a motion {to_rest}."),
-            *([] if encoders is None else _conversions(encoders)),
-        ],
-        parts=(("law_start", law.start_kernel), ("law_step", law.step_kernel)),
-        units=dict(law.state_units),
-    )
-
-
-def _conversions(encoders: counts.Counts | SpoolMap) -> list[Public]:
-    if isinstance(encoders, SpoolMap):
-        given = {"suit": Constant(encoders, "how the spool turns with the elbow")}
-        angle_of = "The motor's angle in the joint's coordinate [rad] from the spool's [rad]."
-        return [
-            Public("motor_angle", motor_of, ("return",), angle_of, given),
-            Public("spool_angle", spool_of, ("return",), "The other way round [rad].", given),
-        ]
-    given = {"counts": Constant(encoders, "how the rig's encoders count")}
-    counted = "from counts of an encoder that counts as in its log"
-    return [
-        Public("motor_angle", counts.motor_angle, ("return",), f"The motor's angle [rad] {counted}.", given),
-        Public("joint_angle", counts.joint_angle, ("return",), f"The joint's angle [rad] {counted}.", given),
-        Public("motor_counts", counts.motor_counts, ("return",), "A target [rad] in counts.", given),
-    ]
-
-
-def state_of(law: Law) -> LawState:
-    """What the code of a law remembers, as an example."""
+    conversions: dict[str, Callable[..., Any]] = {"motor_angle": motor_of, "spool_angle": spool_of}
+    converted = {"suit": (encoders, "how the spool turns with the elbow")}
+    if isinstance(encoders, counts.Counts):
+        conversions = {one.__name__: one for one in (counts.motor_angle, counts.joint_angle, counts.motor_counts)}
+        converted = {"counts": (encoders, "how the rig's encoders count")}
     sample = Sample(0.0, 0.0)
-    return LawState(law.start(sample), condition_start(law.conditioning, sample))
-
-
-def prefix(law: Law) -> str:
-    """What every name of the law's code begins with."""
-    return re.sub(r"_+", "_", identifier(law.name)).lower()
+    constants = {
+        "gains": (law.gains, "the law's gains"),
+        "conditioning": (law.conditioning, "what the conditioner knows of the rig"),
+        "sample_time": (float(sample_time), "length of a cycle [s]"),
+    }
+    return Module(
+        re.sub(r"_+", "_", identifier(law.name)).lower(),
+        f"The control law {law.name!r}: {law.source}.",
+        {
+            "start": (begin_cycles, "state"),
+            "step": (cycle, "state return"),
+            "minimum_jerk": (minimum_jerk, "return"),
+            "minimum_jerk_from": (minimum_jerk_from, "return"),
+            **{name: (one, "return") for name, one in conversions.items() if encoders is not None},
+        },
+        constants | converted,
+        state=LawState(law.start(sample), condition_start(law.conditioning, sample)),
+        parts=(("law_start", law.start_kernel), ("law_step", law.step_kernel)),
+        units=law.state_units,
+    )
 
 
 def safety_module(limits: Limits, filters: Filters = UNFILTERED) -> Module:
     """The supervisor, with a rig's limits as constants, and the angles that it lets the law see."""
-    bound = {"limits": Constant(limits, "the rig's limits")}
-    seen = bound | {"filters": Constant(filters, "in front of the law")}
-    thermal = {"thermal": Constant(limits.thermal, "the motor's thermal side")}
-    stopped = "Stopped, with the motor as warm as the last run left it."
-    sensed = "The sample of a law in this cycle: the last valid angles; before supervise, of its state."
-    judged = "One cycle of dt [s]: the requested target [rad] or less, and whether there is power."
     return Module(
         "safety",
         "The supervisor: it stands last before the wire, and may only refuse or stop.",
-        [
-            Public("cold", cold, ("warmth",), "A motor as warm as its surroundings.", thermal),
-            Public("begin", begin, ("state",), stopped, bound),
-            Public("sense", sense, ("return",), sensed, seen),
-            Public("supervise", supervise, ("state", "verdict"), judged, bound),
-        ],
+        {
+            "cold": (cold, "warmth"),
+            "begin": (begin, "state"),
+            "sense": (sense, "return"),
+            "supervise": (supervise, "state verdict"),
+        },
+        {
+            "limits": (limits, "the rig's limits"),
+            "filters": (filters, "in front of the law"),
+            "thermal": (limits.thermal, "the motor's thermal side"),
+        },
         enums=(Request, Mode, DriveState, Power, Fault),
-        numbers={"emergency_stop": (EMERGENCY_STOP, "among the codes of `emergency`, for an emergency stop")},
+    )
+
+
+def joint_module(model: JointModel, reach: MotorReach, sample_time: float) -> Module:
+    """The estimate of the joint's angle, where no encoder measures it.
+
+    Args:
+        model: of cable and sensor.
+        reach: of the motor.
+        sample_time: length of a cycle [s].
+    """
+    return Module(
+        "joint",
+        "The joint's angle from the motor's, corrected by a sensor.",
+        {"start": (track_start, "state"), "step": (track_step, "state")},
+        {
+            "model": (model, "of cable and sensor"),
+            "reach": (reach, "what a motor's reading may be"),
+            "dt": (float(sample_time), "length of a cycle [s]"),
+        },
+        state=track_start(model),
     )
 
 
 def course_module(settings: CourseSettings) -> Module:
     """The reference that follows from contractions."""
-    moved = "One cycle of dt [s]: who contracts, the share of MVC or NAN, and where the joint should be."
-    low, given = {"low": Constant(settings.intent.low)}, {"settings": Constant(settings)}
     return Module(
         "course",
         "Where the joint should be by contractions.",
-        [
-            Public("start", course_start, ("state",), "At rest, extended.", low),
-            Public("step", course_step, ("state", "reference"), moved, given),
-        ],
+        {"start": (course_start, "state"), "step": (course_step, "state reference")},
+        {"low": (settings.intent.low, ""), "settings": (settings, "")},
     )
 
 
@@ -189,28 +184,20 @@ def emg_modules(
         expected = f"from {kind.safe:g} to {kind.quickest:g} Hz"
         raise ParameterError(f"the EMG's rate is {rate:g} Hz", expected=expected, do="change --emg-rate")
     settings, smoothing = (kind.settings, DEFAULTS) if wearer is None else filters_of(wearer, kind)
-    detector, first = kind.prepared(rate, settings), "Before the first sample."
+    detector = kind.prepared(rate, settings)
     start = kind.start(detector, math.nan)
     detection, *_ = inspect.signature(kind.step).parameters
-    chain = {"chain": Constant(prepare_envelope(rate, smoothing), "the filters' sections")}
-    before = {"begin": Constant(start, "a state before the first sample")}
-    given = {detection: Constant(detector, "the detector at this rate"), "state": start}
-    smoothed = "One sample: its envelope, and the signal without offset and mains, in the signal's own unit."
-    active = "One sample, NAN if missing: 1 in a contraction; trouble is 1 for flat, 2 for movement or mains."
     envelope = Module(
         "envelope",
         f"The envelope of an EMG signal of {rate:g} samples a second.",
-        [
-            Public("start", envelope_start, ("state",), first),
-            Public("step", envelope_step, ("state", "signal", "return"), smoothed, chain),
-        ],
+        {"start": (envelope_start, "state"), "step": (envelope_step, "state signal return")},
+        {"chain": (prepare_envelope(rate, smoothing), "the filters' sections")},
     )
     onset = Module(
         identifier(kind.name),
         f"Contractions in an EMG signal of {rate:g} samples a second.",
-        [
-            Public("start", begun, ("state",), first, before),
-            Public("step", kind.step, ("state", "return", "trouble"), active, given),
-        ],
+        {"start": (begun, "state"), "step": (kind.step, "state return trouble")},
+        {"begin": (start, "a state before the first sample"), detection: (detector, "the detector at this rate")},
+        state=start,
     )
     return envelope, onset

@@ -7,12 +7,13 @@ import linecache
 import sys
 import textwrap
 import tokenize
+from collections.abc import Callable, Sequence
 from functools import cache
 from types import FunctionType
+from typing import Any
 
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import texts_of
-from bowden.export.kinds import comments
 
 _ADVICE: dict[str, tuple[type[ast.AST], ...]] = {
     "write a loop over a fixed range: for i in range(n)": (ast.While,),
@@ -47,6 +48,7 @@ class KernelSource:
 
     def __init__(self, function: FunctionType) -> None:
         self.module, self.file = function.__module__, function.__code__.co_filename
+        self._description = description(function)
         try:
             lines, self.first = inspect.getsourcelines(function)
         except (OSError, TypeError):
@@ -56,8 +58,7 @@ class KernelSource:
         node = ast.parse(text).body[0]
         if not isinstance(node, ast.FunctionDef):
             raise self.refused(node, "", INSTEAD[ast.Lambda])
-        self.text = ast.get_docstring(node)
-        self.body = node.body[self.text is not None :]
+        self.body = node.body[ast.get_docstring(node) is not None :]
         """The statements without the docstring."""
         self._lines = text.splitlines()
         self._above: dict[int, list[str]] = {}
@@ -70,7 +71,7 @@ class KernelSource:
 
     def docstring(self) -> list[str]:
         """Its module and its docstring without the examples, as a comment."""
-        first, *more = (self.text or "").partition("\n>>>")[0].strip().split("\n")
+        first, *more = self._description
         short = f"{self.module}: {first}".rstrip(": ")
         return comments([short, *more] if len(short) < 112 else [f"{self.module}:", first, *more])
 
@@ -110,3 +111,20 @@ def origin(file: str, name: str) -> tuple[str, str]:
                 if (one.asname or one.name) == name:
                     return origin(str(other), one.name)
     return file, texts.get(name, "")
+
+
+def description(function: Callable[..., Any]) -> list[str]:
+    """Lines of a docstring without the examples."""
+    return (inspect.getdoc(function) or "").partition("\n>>>")[0].strip().split("\n")
+
+
+def comments(lines: Sequence[str]) -> list[str]:
+    """Lines as a comment; nothing where there are none."""
+    rows = [one.replace("*/", "* /").replace("/*", "/ *").rstrip() for one in lines]
+    rows = [f"{' *' if k else '/*'} {one}".rstrip() for k, one in enumerate(rows)]
+    return [*rows[:-1], f"{rows[-1]} */"] if rows else []
+
+
+def comment(text: str) -> str:
+    """A text behind a line of C; nothing where there is none."""
+    return "".join(f" {one}" for one in comments([" ".join(text.split())] if text.strip() else []))

@@ -1,10 +1,14 @@
-"""One pair of files of C: what is to be in it, and its types, constants and functions so far, by their names."""
+"""What a pair of files of C is made of: kinds of values, names, types, constants and functions."""
 
 import inspect
+import re
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+import typing
+import unicodedata
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,61 +17,131 @@ import numpy as np
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import Parts
 from bowden.core.quantity import meanings
-from bowden.export.kinds import (
-    Kind,
-    Row,
-    Struct,
-    comment,
-    comments,
-    hints_of,
-    identifier,
-    is_enum,
-    is_number,
-    kind_of,
-    snake_case,
-)
-from bowden.export.source import origin
+from bowden.export.source import comment, comments, origin
 
 LONGEST = 112
 """Of a line of C, where it can be broken."""
 
+_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int long register
+restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true false
+and catch class delete explicit export friend mutable namespace new not operator or private protected public
+template this throw try typename using virtual xor main errno assert min max
+acos asin atan cbrt ceil cos cosh erf exp fabs floor fmax fmin fmod gamma hypot j0 j1 jn ldexp log pow remainder rint
+round signbit sin sinh sqrt tan tanh tgamma trunc y0 y1 yn INFINITY NAN isnan isfinite
+"""
+_RESERVED = frozenset(_WORDS.split())
+"""Of C, of C++, whose compilers may have to read the header, and of the headers that the code needs."""
+
 
 @dataclass(frozen=True)
-class Constant:
-    """A value that is written into the code in place of an argument."""
-
-    value: Any
-    meaning: str = ""
-    """What it is."""
-
-
-@dataclass(frozen=True)
-class Public:
-    """A kernel that other files of C call, as ``PREFIX_name``.
-
-    Its arguments have the kernel's names; the one called ``state`` is what the function reads and writes.
-    """
+class Struct:
+    """A NamedTuple with the kinds of its fields, or what a kernel returns beside one another."""
 
     name: str
-    kernel: Callable[..., Any]
-    results: tuple[str, ...]
-    """In the kernel's order: ``state``, ``return`` for what the function returns, other names for pointers to it."""
-    summary: str
-    given: Mapping[str, Any] = field(default_factory=dict)
-    """Argument → its `Constant`, or an example where its annotation leaves something open."""
+    fields: tuple[tuple[str, Any], ...]
+    made: Any = None
+    """The class of NamedTuple; None for results beside one another."""
 
-    @property
-    def kinds(self) -> dict[str, Kind]:
-        """Argument → its kind; what C has none for is refused."""
-        found, hints = {}, hints_of(self.kernel)
-        for name in inspect.signature(self.kernel).parameters:
-            value = self.given.get(name)
-            value = value.value if isinstance(value, Constant) else value
-            if (kind := kind_of(value, hints.get(name))) is None:
-                expected, do = "numbers, and NamedTuples of numbers", "take texts and arrays out of it"
-                raise ParameterError(f"{name} is {value!r}", expected=expected, do=do)
-            found[name] = kind
-        return found
+
+@dataclass(frozen=True)
+class Row:
+    """A tuple of values of one kind."""
+
+    of: Any
+    length: int
+    name = "a tuple"
+
+
+Kind = Any
+"""`float`, `int`, `bool`, a class of IntEnum, or one of the two above; None where it is not known."""
+
+
+def is_number(kind: Kind) -> bool:
+    """Whether C has one number for it."""
+    return isinstance(kind, type)
+
+
+def is_enum(kind: Kind) -> bool:
+    """True for a class of IntEnum."""
+    return isinstance(kind, type) and issubclass(kind, IntEnum)
+
+
+def kind_name(kind: Kind) -> str:
+    """A kind in a message."""
+    return str(kind.__name__ if is_number(kind) else getattr(kind, "name", "of no kind"))
+
+
+def joined(a: Kind, b: Kind) -> Kind:
+    """The kind of what is one or the other; None where there is none."""
+    if a == b:
+        return a
+    if not (is_number(a) and is_number(b)):
+        return None
+    return float if float in (a, b) else int
+
+
+def kind_of(value: Any = None, hint: Any = None) -> Kind:
+    """The kind that an annotation says, or that a value has where it leaves something open; None where C has none."""
+    made = hint if isinstance(hint, type) and hint is not Any else type(value)
+    if hasattr(made, "_fields"):
+        hints = hints_of(made)
+        fields = tuple((name, kind_of(getattr(value, name, None), hints.get(name))) for name in made._fields)
+        return None if any(kind is None for _, kind in fields) else Struct(made.__name__, fields, made)
+    for kind, types in (made, IntEnum), (bool, bool | np.bool_), (int, int | np.integer), (float, float | np.floating):
+        if issubclass(made, types):
+            return kind
+    hinted = [kind_of(hint=one) for one in typing.get_args(hint)] if typing.get_origin(hint) is tuple else []
+    for kinds in hinted, [kind_of(one) for one in value] if isinstance(value, tuple) else []:
+        if len(set(kinds)) == 1 and kinds[0] is not None:
+            return Row(kinds[0], len(kinds))
+    return None
+
+
+@cache
+def hints_of(of: Any) -> dict[str, Any]:
+    """Name → annotation of a class or function; empty where they cannot be looked up."""
+    try:
+        return typing.get_type_hints(of)
+    except (NameError, TypeError):
+        return {}
+
+
+def identifier(name: str) -> str:
+    """A name as C takes it: letters beyond ASCII by their names, and no word that C has.
+
+    >>> identifier("κ_gain"), identifier("default"), identifier("_bounded")
+    ('kappa_gain', 'default_', 'bounded_')
+    """
+    plain = "".join(c if c.isascii() else unicodedata.name(c, "x").split()[-1].lower() for c in name)
+    plain = re.sub(r"\W", "_", plain)
+    if plain.startswith("_"):  # such names are C's own
+        plain = f"{plain.lstrip('_')}_"
+    if not plain or plain[0].isdigit():
+        plain = f"n{plain}"
+    return f"{plain}_" if plain in _RESERVED else plain
+
+
+def within(kind: Kind, way: str = "") -> Iterator[tuple[str, Kind]]:
+    """A value and each part of it, from the outside: how C reaches that, ``.past.at[2]``, and its kind."""
+    yield way, kind
+    parts = [(f"at[{k}]", kind.of) for k in range(kind.length)] if isinstance(kind, Row) else []
+    for name, inner in parts or [(identifier(name), inner) for name, inner in getattr(kind, "fields", ())]:
+        yield from within(inner, f"{way}.{name}")
+
+
+def numbers(kind: Kind, way: str = "") -> list[tuple[str, Kind]]:
+    """Each number of a value: how C reaches it, and its kind."""
+    return [(place, one) for place, one in within(kind, way) if is_number(one)]
+
+
+def snake_case(name: str) -> str:
+    """The words of a class' name, with a stroke between them.
+
+    >>> snake_case("LawState")
+    'Law_State'
+    """
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
 
 
 @dataclass(frozen=True)
@@ -77,15 +151,30 @@ class Module:
     prefix: str
     """Of every name that others see, and the files' own."""
     title: str
-    functions: Sequence[Public]
+    functions: Mapping[str, tuple[Callable[..., Any], str]]
+    """Name → a kernel that other files of C call as ``PREFIX_name``, and its results in their order: ``state`` for the
+    argument that it reads and writes, ``return`` for what it returns, other names for pointers to it."""
+    constants: Mapping[str, tuple[Any, str]] = field(default_factory=dict)
+    """Argument → the value that is written into the code in its place, and what it is."""
+    state: Any = None
+    """An example of the argument ``state``, where its annotation leaves something open."""
     parts: Parts = ()
     """What stands for the placeholders that the kernels reach."""
-    units: dict[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
     """Field → unit, where its class does not say."""
     enums: Sequence[type[IntEnum]] = ()
     """Whose members a caller needs."""
-    numbers: dict[str, tuple[float, str]] = field(default_factory=dict)
-    """Name → another number that a caller needs, and what it means."""
+
+    def arguments(self, function: Callable[..., Any]) -> dict[str, Kind]:
+        """Argument of a kernel → its kind; what C has none for is refused."""
+        found, hints = {}, hints_of(function)
+        for name in inspect.signature(function).parameters:
+            value, _ = self.constants.get(name, (self.state if name == "state" else None, ""))
+            if (found_kind := kind_of(value, hints.get(name))) is None:
+                expected, do = "numbers, and NamedTuples of numbers", "take texts and arrays out of it"
+                raise ParameterError(f"{name} is {value!r}", expected=expected, do=do)
+            found[name] = found_kind
+        return found
 
 
 class Unit:
@@ -134,7 +223,7 @@ class Unit:
     def number(self, value: float) -> str:
         """A number; its decimals are the shortest that give back the same bits.
 
-        >>> [Unit(Module("x", "", ()), single=one).number(-1e-300) for one in (False, True)]
+        >>> [Unit(Module("x", "", {}), single=one).number(-1e-300) for one in (False, True)]
         ['-1e-300', '-0.0f']
         """
         with np.errstate(over="ignore", under="ignore"):
@@ -189,16 +278,9 @@ class Unit:
         line = f"{head} {self.value(value, kind)};"
         return f"{line}{comment(meaning)}" if len(line) + len(meaning) < LONGEST else "\n".join([*above, line])
 
-    def extreme(self, name: str, kind: Kind) -> str:
-        """Python's `min` or `max` by its rule for NaN."""
-        called = name if kind is float else f"{name}_int"
-        self.helpers[called] = {"type": self.type(kind), "sign": "<" if name == "min" else ">"}
-        return called
-
-    def shifted(self, kind: Row) -> str:
-        """A function that moves a row on by one place."""
-        name = f"{self.type(kind)}_shifted"
-        self.helpers[name] = {"type": self.type(kind), "item": self.type(kind.of), "length": kind.length}
+    def helper(self, name: str, **words: Any) -> str:
+        """The name of a function that the file's template writes: Python's `min` or `max`, or a shift."""
+        self.helpers[name] = words
         return name
 
 

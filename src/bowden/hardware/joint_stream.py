@@ -1,23 +1,30 @@
-"""Samples of a joint's sensor as they come: lines of text by UDP or a serial line, or from the Lab Streaming Layer.
+"""Samples of a joint's sensor: lines of text by UDP or a serial line, CAN frames, or from the Lab Streaming Layer.
 
     time v₁ … vₙ
 
 numbers apart by blanks or commas: when the sample was taken, by the sender's own clock [s], and what the sensor gives
 (docs/drives.md). What is no such line, comes from another sender while the first one is heard, or is older than the
-last one is left out; after a second of silence another sender, or a clock that is set back, is followed. Nothing here
-waits once it is open.
+last one is left out; after a second of silence another sender, or a clock that is set back, is followed. A frame has
+the values alone: one as a float, a quaternion as four int16 of 1/32767, low bytes first, of a second body with the next
+identifier. Nothing here waits once it is open.
 """
 
 import contextlib
 import errno
 import math
 import socket
-from collections.abc import Iterable, Sequence
+import struct
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+import can
+
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
-from bowden.core.errors import StreamError
+from bowden.core.errors import DriveError, StreamError
 from bowden.core.extras import extra_module
+from bowden.hardware.buses.opening import UNIX, open_bus, received
+from bowden.hardware.buses.place import EXTENDED, BusPlace
 from bowden.hardware.buses.unix_bus import bus_folder
 from bowden.hardware.emg.lsl_info import library
 from bowden.rig.families import family_of
@@ -44,6 +51,10 @@ LONGEST = 1024
 """Of a datagram [bytes]."""
 WAIT = 5.0
 """How long the first sample is waited for [s]."""
+FRAMES = {1: struct.Struct("<f"), 4: struct.Struct("<4h"), 8: struct.Struct("<4h")}
+"""Numbers of a sample → a frame of it."""
+INT16 = 32767.0
+"""Count that is 1 in a quaternion's frame."""
 
 
 class Raw(NamedTuple):
@@ -103,8 +114,8 @@ class _Stream(Protocol):
         """Leave it."""
 
 
-class UdpLines:
-    """Datagrams at a port.
+class Datagrams:
+    """Datagrams at a UDP port; without one, at the path of a twin's.
 
     Raises:
         StreamError: the port cannot be used.
@@ -112,10 +123,13 @@ class UdpLines:
 
     def __init__(self, host: str, port: int, numbers: int) -> None:
         self._numbers, self._newer = numbers, _Newer()
-        self._sender: tuple[str, int] | None = None
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._sender: Any = None
+        self._path = None if port else Path(host)
+        self._socket = socket.socket(socket.AF_INET if port else socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
-            self._socket.bind((host, port))
+            if self._path is not None:
+                self._path.unlink(missing_ok=True)  # of a run that was killed
+            self._socket.bind((host, port) if port else host)
         except OSError as error:
             self._socket.close()
             taken = error.errno == errno.EADDRINUSE
@@ -145,6 +159,8 @@ class UdpLines:
     def close(self) -> None:
         """Leave the port."""
         self._socket.close()
+        if self._path is not None:
+            self._path.unlink(missing_ok=True)
 
 
 class SerialLines:
@@ -177,6 +193,48 @@ class SerialLines:
     def close(self) -> None:
         """Leave the port."""
         self._port.close()
+
+
+class CanFrames:
+    """Frames of a device at a CAN bus, which others read too.
+
+    Raises:
+        StreamError: the bus cannot be used.
+    """
+
+    def __init__(self, channel: str, identifier: int, numbers: int) -> None:
+        self._frame, bodies = FRAMES[numbers], max(1, numbers // 4)
+        self._at = {
+            one | (EXTENDED if one > 0x7FF else 0): i for i, one in enumerate(range(identifier, identifier + bodies))
+        }
+        self._parts: dict[int, tuple[float, ...]] = {}
+        try:
+            self._bus = open_bus(BusPlace(UNIX if "/" in channel else "socketcan", channel, 0))
+        except DriveError as error:
+            raise StreamError(error.what, do="see to the bus, or correct joint_sensor.stream") from None
+        self._bus.set_filters([{"can_id": one & ~EXTENDED, "can_mask": 0x1FFF_FFFF} for one in self._at])
+
+    def look(self) -> list[Raw]:
+        """What has come since the last look."""
+        found = []
+        with contextlib.suppress(can.CanError, OSError):  # unplugged: the silence shows
+            for _ in range(MOST):
+                frame = received(self._bus, 0.0)
+                if frame is None:
+                    break
+                place = self._at.get(frame[0])
+                if place is not None and len(frame[1]) == self._frame.size:
+                    self._parts[place] = self._frame.unpack(frame[1])
+                    if len(self._parts) == len(self._at):
+                        values = [one for _, part in sorted(self._parts.items()) for one in part]
+                        self._parts = {}
+                        scale = 1.0 if self._frame.size == 4 else INT16
+                        found.append(Raw(_seconds(), tuple(one / scale for one in values)))
+        return [one for one in found if all(map(math.isfinite, one.values))]
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.shutdown()
 
 
 class LslSamples:
@@ -213,11 +271,21 @@ class LslSamples:
 
 
 def of_twin(sensor: JointSensor, drive: Any) -> JointSensor:
-    """The sensor beside a drive: a twin's has a line of its own in its bus' folder, in place of a serial port."""
+    """The sensor beside a drive: a twin's sends within the folder of its bus, where no other twin is heard."""
     family = family_of(drive)
-    if address_of(sensor)[0] != "serial" or not family.simulated(drive):
+    if not (sensor.sensed and family.simulated(drive)):
         return sensor
-    return sensor._replace(stream=f"serial:{bus_folder(family.address(drive)['channel']) / 'joint'}")
+    place = family.address(drive)
+    return sensor._replace(stream=f"twin:{bus_folder(place['channel']) / 'joint'}-{place['node']}")
+
+
+_STREAMS: dict[str, Callable[[str, int, int], _Stream]] = {
+    "udp": Datagrams,
+    "twin": Datagrams,
+    "serial": SerialLines,
+    "can": CanFrames,
+    "lsl": lambda name, _, numbers: LslSamples(name, numbers),
+}
 
 
 class JointSamples:
@@ -240,11 +308,7 @@ class JointSamples:
             self._fused = [fusion.Ahrs() for _ in range(sensor.bodies)]
         self._before = math.nan
         kind, where = address_of(sensor)
-        self._stream: _Stream
-        if kind == "lsl":
-            self._stream = LslSamples(where[0], numbers)
-        else:
-            self._stream = (SerialLines if kind == "serial" else UdpLines)(*where, numbers)
+        self._stream = _STREAMS[kind](*where, numbers)
 
     def look(self) -> float:
         """The newest angle that has come since the last look; NaN where none has [rad]."""
@@ -269,7 +333,7 @@ class JointSamples:
             if time.now() > end:
                 raise StreamError(
                     f"no sample of the joint's sensor has come by {self._sensor.stream} within {WAIT:g} s",
-                    expected="lines of its time and its values (docs/drives.md)",
+                    expected="its time and its values, as docs/drives.md has them",
                     do="look at the sensor, its program and [joint_sensor]",
                 )
             time.sleep_until(time.now() + SECOND // 200)

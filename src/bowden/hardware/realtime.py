@@ -3,7 +3,6 @@
 import ctypes
 import gc
 import os
-import resource
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,8 +105,14 @@ def check_processor(cpu: int | None, name: str) -> None:
     """Refuse a processor that this process may not run on; `name` is of what was given.
 
     Raises:
-        ParameterError: so it is.
+        ParameterError: so it is, or there is no real time here.
     """
+    if not hasattr(os, "sched_getaffinity"):
+        raise ParameterError(
+            "this system has no real-time priorities",
+            expected="Linux for live runs, their twins and the doctor; all else works here",
+            do="use Linux, or WSL 2 to try them",
+        )
     allowed = sorted(os.sched_getaffinity(0))
     if cpu is not None and cpu not in allowed:
         raise ParameterError(
@@ -117,6 +122,8 @@ def check_processor(cpu: int | None, name: str) -> None:
 
 def privileges() -> list[Grant]:
     """What this process may ask for, without asking."""
+    import resource  # which Windows has not, where recordings of runs are read too
+
     soft, hard = resource.getrlimit(resource.RLIMIT_RTPRIO)
     locked, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     nice, lock = (_capable(number) for number in (_CAP_SYS_NICE, _CAP_IPC_LOCK))

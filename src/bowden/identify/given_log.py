@@ -12,6 +12,7 @@ from bowden.core.caller import argument
 from bowden.core.errors import ParameterError
 from bowden.identify.cable.fit import Fit
 from bowden.identify.log.angles import SIDES, angles_of
+from bowden.identify.log.columns import LogColumn
 from bowden.identify.log.read import Layout, Log, checked_rate, prepare, read_file, read_run
 from bowden.plants.identified import CableModel, IdentifiedCable, load_cable
 from bowden.records.trace import Trace
@@ -95,7 +96,8 @@ def _prepared(
     time: NDArray[np.float64], motor: NDArray[np.float64], joint: NDArray[np.float64], name: str, layout: Layout
 ) -> Log:
     units = layout.units
-    angles, _ = angles_of({side: (side, None) for side in SIDES}, {"motor": motor, "joint": joint}, units)
+    columns = {side: LogColumn(0, side, None) for side in SIDES}
+    angles, _ = angles_of(columns, {"motor": motor, "joint": joint}, units)
     angles = {side: dataclasses.replace(one, guessed=False) for side, one in angles.items()}  # arrays are in radians
     return prepare(time, angles, name, lambda sample: f"{name}, sample {sample + 1}", units.apart)
 

@@ -9,8 +9,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.live.preflight import SOFT_FIRST, SOFT_FOLLOWS
 from bowden.plants.presets.suit import suit as papers_suit
-from bowden.plants.pushing import Pushing
-from bowden.plants.suit_push import behind, friction_of
+from bowden.plants.pushing import Pushing, behind, friction_of
 from bowden.safety.limits import Limits
 
 MARGIN = ROOM

@@ -17,6 +17,7 @@ import math
 import shlex
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 from bowden.core.clock import TimeSource, unix_seconds
 from bowden.core.errors import DriveError, OutputError, SafetyError
@@ -190,14 +191,23 @@ def confirm(rig: Rig, moved: float, joint: float, motor: float, serial: str = ""
     return path
 
 
+def _kept(rig: Rig) -> dict[str, Any]:
+    """What was kept of the drive; nothing where there is nothing that can be read, and of a twin."""
+    try:
+        kept = {} if family_of(rig.drive).simulated(rig.drive) else json.loads(_path(rig).read_text(encoding="utf-8"))
+    except (OSError, RuntimeError, ValueError, RecursionError):
+        return {}
+    return kept if isinstance(kept, dict) else {}
+
+
 def confirmed(rig: Rig) -> bool:
     """True if somebody has confirmed an angle on this rig's drive, or nobody need: there is a twin."""
     if family_of(rig.drive).simulated(rig.drive):
         return True
+    kept = _kept(rig)
     try:
-        kept = json.loads(_path(rig).read_text(encoding="utf-8"))
         moved, joint, motor = (float(kept[name]) * RADIANS for name in ("told_deg", "joint_deg", "motor_deg"))
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError, RecursionError):
+    except (ValueError, KeyError, TypeError):
         return False
     return not contradictions(moved, joint, motor, rig.supervisor_limits, rig.joint_sensor)
 
@@ -229,7 +239,7 @@ def require_same(motors: Sequence[tuple[str, Rig, str]]) -> None:
     Raises:
         SafetyError: another serial number than when it was confirmed.
     """
-    confirmed_as = {name: _serial(rig) for name, rig, _ in motors}
+    confirmed_as = {name: str(_kept(rig).get("serial", "")) for name, rig, _ in motors}
     for name, rig, serial in motors:
         expected = confirmed_as[name]
         if not expected or serial == expected:
@@ -243,13 +253,3 @@ def require_same(motors: Sequence[tuple[str, Rig, str]]) -> None:
             expected=f"{expected}, as it was confirmed by hand",
             do="swap them back, at the drives or in rig.toml" if other else f"if it was replaced: {again}",
         )
-
-
-def _serial(rig: Rig) -> str:
-    """Of the drive whose angles were confirmed; empty where nothing says it, and of a twin."""
-    if family_of(rig.drive).simulated(rig.drive):
-        return ""
-    try:
-        return str(json.loads(_path(rig).read_text(encoding="utf-8"))["serial"])
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError, RecursionError):
-        return ""

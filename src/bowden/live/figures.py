@@ -160,6 +160,9 @@ class Tracked(Documented):
     """Joint against reference under the law, root mean square; null where none led [deg]."""
     peak_deg: float | None
     """Largest error under the law, likewise [deg]."""
+    estimate_std_deg: float | None
+    """Standard deviation of the joint's angle under the law, root mean square, where it is estimated; null of a joint
+    with an encoder [deg]."""
     seconds_led: float
     """Time under the law [s]."""
 
@@ -212,6 +215,9 @@ class LogFacts(RecordedRun):
     """Deadlines that were skipped; null where they were not recorded."""
     gains: tuple[GainChange, ...]
     """Gains that were changed while the law ran, in the order of time."""
+    motions: tuple[TimedText, ...]
+    """Motions that the wearer's EMG began or turned round while the law led: ``flex`` or ``extend``; none where the
+    joint follows the envelope, or in a run without EMG."""
     events: tuple[TimedText, ...]
     """Changes of modes and faults, in their order."""
     software: dict[str, str]

@@ -49,18 +49,6 @@ class GainRamp:
         """True if a change is not finished."""
         return self._left > 0
 
-    def step(self, block: ControlBlock, cycles: int) -> None:
-        """Take what is asked for, or go on with what was.
-
-        Args:
-            block: the operator's words.
-            cycles: since the step before; more than 1 where deadlines were skipped.
-        """
-        if self._left:
-            self._go_on(cycles)
-        elif block.gain_waits and self._places:
-            self.take(*block.take_gain())
-
     def take(self, which: int, value: float) -> None:
         """Begin a change; what is no live gain, or beyond its limits, is none.
 
@@ -76,7 +64,12 @@ class GainRamp:
         self._which, self._left, self._start = which, self._count, self.recorded[which]
         self.recorded[len(self._places) + which] = value
 
-    def _go_on(self, cycles: int) -> None:
+    def go_on(self, cycles: int) -> None:
+        """Go on with a change.
+
+        Args:
+            cycles: since the step before; more than 1 where deadlines were skipped.
+        """
         which, goal = self._which, self.recorded[len(self._places) + self._which]
         self._left = max(0, self._left - cycles)
         share = 1.0 - self._left / self._count
@@ -85,18 +78,19 @@ class GainRamp:
 
 
 def step_all(ramps: Sequence[GainRamp], block: ControlBlock, cycles: int) -> None:
-    """`GainRamp.step` of several motors: the place of a gain is that among the live gains of all, one motor after the
-    other, and one change goes on at a time.
+    """Take what is asked for, or go on with what was: one change at a time.
+
+    The place of a gain is that among the live gains of all motors, one motor after the other.
 
     Args:
         ramps: of the motors, in their order.
         block: the operator's words.
-        cycles: see `GainRamp.step`.
+        cycles: see `GainRamp.go_on`.
     """
     waits = block.gain_waits and not any(ramp.going for ramp in ramps)
     for ramp in ramps:
         if ramp.going:
-            ramp.step(block, cycles)
+            ramp.go_on(cycles)
     if waits:
         which, value = block.take_gain()
         for ramp in ramps:

@@ -7,12 +7,11 @@ from collections import deque
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading
 from bowden.hardware.joint_stream import JointSamples, of_twin
+from bowden.rig.joint_sensor import motor_reach
 from bowden.rig.rig import Rig
 from bowden.rig.settings import JointSensor
-from bowden.sensing.joint_angle import LATE, JointEstimate, estimate_start, estimate_step
+from bowden.sensing.joint_angle import LATE, track_start, track_step
 
-MOST_MISSED = 100
-"""Cycles that one step makes up for at most."""
 RESTING = 1.0
 """Over which a joint that is held still is read by its sensor [s]."""
 
@@ -29,14 +28,10 @@ class LiveEstimate:
     """
 
     def __init__(self, rig: Rig) -> None:
-        self._model, self._period = rig.joint_model, rig.sample_time
-        self._step = compiled(estimate_step)
-        self._step(self._model, estimate_start(self._model, 0.0), 0.0, 0.0, self._period)
-        self._state: JointEstimate | None = None
+        self._model, self._reach, self._period = rig.joint_model, motor_reach(rig.supervisor_limits), rig.sample_time
+        self._step, self._state = compiled(track_step), track_start(self._model)
+        self._step(self._model, self._reach, self._state, 0.0, 0.0, 0.0, 0.0, self._period)
         self._read = math.nan
-        limits = rig.supervisor_limits
-        self._speed, self._jump, self._span = limits.motor_speed, limits.jump, limits.sensor_span
-        self._motor, self._motor_time, self._suspect = math.nan, 0.0, math.nan
         sensor = of_twin(rig.joint_sensor, rig.drive)
         self._samples = JointSamples(sensor) if sensor.sensed else None
 
@@ -52,16 +47,12 @@ class LiveEstimate:
     def shown(self, reading: DriveReading, now: float) -> DriveReading:
         """The drive's reading at `now` [s] with the estimate in place of the joint's angle; as old as the motor's."""
         value = math.nan if self._samples is None else self._samples.look()
-        motor = self._credible(reading, now)
-        if self._state is None and math.isfinite(motor):
-            self._state = estimate_start(self._model, motor)
-        if self._state is None:
+        elapsed = 0.0 if math.isnan(self._read) else now - self._read
+        self._read, known = now, (self._model, self._reach)
+        self._state = self._step(*known, self._state, reading.motor, reading.motor_age, value, elapsed, self._period)
+        estimate = self._state.estimate
+        if math.isnan(estimate.angle):
             return reading._replace(joint=math.nan, joint_age=reading.motor_age)
-        missed = 1 if math.isnan(self._read) else max(1, min(MOST_MISSED, round((now - self._read) / self._period)))
-        self._read = now
-        for _ in range(missed - 1):
-            self._state = self._step(self._model, self._state, motor, math.nan, self._period)
-        self._state = estimate = self._step(self._model, self._state, motor, value, self._period)
         return reading._replace(
             joint=estimate.angle,
             joint_age=reading.motor_age,
@@ -69,23 +60,6 @@ class LiveEstimate:
             joint_std=estimate.std,
             joint_sensor=value,
         )
-
-    def _credible(self, reading: DriveReading, now: float) -> float:
-        """The motor's angle; NaN of one that no motor can have reached: it would move the joint's estimate with it.
-
-        A second one beside it is believed: the first of all may have been the spike.
-        """
-        motor, suspect = reading.motor, self._suspect
-        if not abs(motor) <= self._span:
-            return math.nan
-        self._suspect = math.nan
-        far = abs(motor - self._motor) > self._jump + self._speed * (now - self._motor_time)
-        if far and not abs(motor - suspect) <= self._jump + self._speed * self._period:
-            self._suspect = motor
-            return math.nan
-        if reading.motor_age == 0.0:
-            self._motor, self._motor_time = motor, now
-        return motor
 
     def close(self) -> None:
         """Leave the sensor's stream."""

@@ -26,8 +26,9 @@ from bowden.live.outcome import outcome_of
 from bowden.records.metrics import rmse
 from bowden.rig.families import family_named
 from bowden.safety.state import Mode
+from bowden.sensing.intent import Intent
 
-FOLLOWED = ("source", "joint", "reference")
+FOLLOWED = ("source", "joint", "joint_std", "reference")
 """Columns that `tracked` looks at."""
 NEEDED = (
     *dict.fromkeys(("time", "lateness", "run_time", "overruns", "recorder", EMERGENCY, *stops.NEEDED, *FOLLOWED)),
@@ -46,7 +47,7 @@ def needed(path: Path) -> tuple[str, ...]:
     gains = tuple(
         f"{prefix}{part}" for prefix in ("", *(f"{motor}." for motor in motors[1:])) for part in (IN_FORCE, ASKED)
     )
-    return (*NEEDED, *(name for name in named if name.startswith(gains)))
+    return (*NEEDED, *(name for name in named if name.startswith((*gains, "emg.intent"))))
 
 
 def facts(found: Recording) -> LogFacts:
@@ -71,6 +72,7 @@ def facts(found: Recording) -> LogFacts:
         seed=settings.get("seed"),
         overruns=_overruns(found),
         gains=_of_each(found, _gains, "name", "."),
+        motions=tuple(_motions(found)),
         events=tuple(TimedText(_number(event.time), event.text) for event in found.events),
         software={key: found.about[key] for key in _ABOUT if key in found.about},
         recorder=found.closing or {},
@@ -84,15 +86,14 @@ def recorded(found: Recording) -> RecordedRun:
     """Figures of a recorded run, from the columns of `NEEDED`."""
     settings, each = found.settings, [tracked(part) for part in found.parts.values()]
     twin = settings.get("twin")
-    rmse_deg, peak_deg = (
-        max((one for one in ones if one is not None), default=None)
-        for ones in zip(*((one.rmse_deg, one.peak_deg) for one in each), strict=True)
-    )
+    largest = {
+        name: max((value for one in each if (value := getattr(one, name)) is not None), default=None)
+        for name in ("rmse_deg", "peak_deg", "estimate_std_deg")
+    }
     return RecordedRun(
         law=", ".join(dict.fromkeys(str(one.law) for one in each)) if found.motors else each[0].law,
         rig=hash_of(settings),
-        rmse_deg=rmse_deg,
-        peak_deg=peak_deg,
+        **largest,
         seconds_led=min(one.seconds_led for one in each),
         twin=twin,
         stops=stops.run_stops(found, settings.get("limits", {}), twin=bool(twin)),
@@ -104,15 +105,32 @@ def recorded(found: Recording) -> RecordedRun:
 
 def tracked(found: Recording) -> Tracked:
     """Tracking errors of the joint, by the record of one motor."""
-    settings, error = found.settings, np.empty(0)
+    settings, error, doubt = found.settings, np.empty(0), np.empty(0)
     if {*FOLLOWED, "time"} <= {*found.columns} and len(found.rows) > 1:
-        error = (found["joint"] - found["reference"])[found["source"] >= TargetSource.LAW_BEGINS]
-        error = error[np.isfinite(error)]
+        led = found["source"] >= TargetSource.LAW_BEGINS
+        error, doubt = (
+            every[led & np.isfinite(every)] for every in (found["joint"] - found["reference"], found["joint_std"])
+        )
     if not len(error):
-        return Tracked(settings.get("law"), hash_of(settings), None, None, 0.0)
-    figures = DEGREES * rmse(error), DEGREES * float(np.abs(error).max())
+        return Tracked(settings.get("law"), hash_of(settings), None, None, None, 0.0)
+    figures = DEGREES * rmse(error), DEGREES * float(np.abs(error).max()), DEGREES * rmse(doubt) if len(doubt) else None
     step = settings.get("sample_time") or float(np.nanmedian(np.diff(found["time"])))
     return Tracked(settings.get("law"), hash_of(settings), *figures, round(len(error) * step, 6))
+
+
+def _motions(found: Recording) -> Iterator[TimedText]:
+    """None in the proportional mode: there the joint follows the envelope."""
+    emg = found.settings.get("emg")
+    if emg and "emg.intent" in found.columns and not emg["course"]["proportional"]:
+        for i in motions(found):
+            yield TimedText(_number(found["time"][i]), Intent(int(found["emg.intent"][i])).name.lower())
+
+
+def motions(found: Recording) -> list[int]:
+    """Rows in which the wearer's EMG begins a motion, or turns it round."""
+    intent, led = found["emg.intent"], found["source"] >= TargetSource.LAW_BEGINS
+    begins = led[1:] & np.isin(intent[1:], (Intent.FLEX, Intent.EXTEND)) & (intent[1:] != intent[:-1])
+    return [int(i) + 1 for i in np.flatnonzero(begins)]
 
 
 def _of_each(found: Recording, of: Callable[[Recording], Iterable[Any]], key: str, after: str) -> tuple[Any, ...]:

@@ -20,8 +20,8 @@ from bowden.core.nested import leaves, name_of
 from bowden.core.own_file import OwnFile
 from bowden.live.mcap_read import LogReader, Recording
 from bowden.live.run_settings import source_of
+from bowden.plants.pushing import push_of
 from bowden.plants.suit_parts import Suit
-from bowden.plants.suit_push import push_of
 from bowden.rig.packing import own_files
 from bowden.rig.rig import Rig
 

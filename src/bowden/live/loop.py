@@ -8,7 +8,6 @@ import contextlib
 import functools
 import struct
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from bowden.core.clock import SECOND, TimeSource, next_deadline
 from bowden.core.errors import SafetyError
@@ -35,30 +34,34 @@ _LAST = 10
 """Cycles with the power off before the loop ends, in which the drive learns of it and says so."""
 
 
-class MotorParts(NamedTuple):
-    """Parts of one motor."""
+class LoopMotor:
+    """One motor of the loop.
 
-    drive: Drive
-    """Brought up."""
-    cycle: Cycle
-    """Begun, so that it is compiled."""
-    script: Script
-    course: EmgCourse | None = None
-    """Of a run by EMG; the script's too."""
-    push: TorqueOffset | None = None
-    """Of a drive that takes a torque offset."""
-    brake: BrakeHold | None = None
-    """Of a drive with a holding brake."""
-    estimate: LiveEstimate | None = None
-    """Of a joint without an encoder."""
+    Args:
+        drive: brought up.
+        cycle: begun, so that it is compiled.
+        script: what it does.
+        course: of a run by EMG; the script's too.
+        push: of a drive that takes a torque offset.
+        brake: of a drive with a holding brake.
+        estimate: of a joint without an encoder.
+    """
 
+    among = shared = False
+    """True if it is one of several, and if another one is on its joint."""
 
-class _Motor:
-    """One motor while the loop goes on."""
-
-    def __init__(self, parts: MotorParts, *, among: bool, shared: bool) -> None:
-        self._among, self._shared, self.parts = among, shared, parts
-        self.drive, self.cycle, self.script, self._course, self._push, self._brake, self._estimate = parts
+    def __init__(
+        self,
+        drive: Drive,
+        cycle: Cycle,
+        script: Script,
+        course: EmgCourse | None = None,
+        push: TorqueOffset | None = None,
+        brake: BrakeHold | None = None,
+        estimate: LiveEstimate | None = None,
+    ) -> None:
+        self.drive, self.cycle, self.script, self.estimate = drive, cycle, script, estimate
+        self._course, self._push, self._brake = course, push, brake
         begun = self.cycle.state.supervisor
         self.mode, self.target = begun.decided.mode, begun.target
         """Of the last verdict."""
@@ -80,7 +83,7 @@ class _Motor:
         """Read the drive."""
         reading = self.drive.read(now)
         reading = reading if self._brake is None else self._brake.shown(reading)
-        self.reading = reading if self._estimate is None else self._estimate.shown(reading, now)
+        self.reading = reading if self.estimate is None else self.estimate.shown(reading, now)
 
     def plan(self, woke: int, cycles: int) -> None:
         """Plan the target of the motor; `cycles` are periods since the last cycle."""
@@ -176,8 +179,8 @@ class _Motor:
     def together(self) -> tuple[float, ...]:
         """What a motor among others has besides, `together.TOGETHER`, and one that shares its joint,
         `together.SHARED`."""
-        among = (self.others, self.script.outcome) if self._among else ()
-        return (*among, self.neighbour) if self._shared else among
+        among = (self.others, self.script.outcome) if self.among else ()
+        return (*among, self.neighbour) if self.shared else among
 
 
 class Loop:
@@ -196,7 +199,7 @@ class Loop:
 
     def __init__(
         self,
-        motors: Sequence[MotorParts],
+        motors: Sequence[LoopMotor],
         ring: RingWriter,
         block: ControlBlock,
         clock: TimeSource,
@@ -206,15 +209,14 @@ class Loop:
         encoders: Sequence[int] = (),
         neighbours: Sequence[int] = (),
     ) -> None:
-        places = neighbours or range(len(motors))
-        self._motors = tuple(
-            _Motor(parts, among=len(motors) > 1, shared=places[place] != place) for place, parts in enumerate(motors)
-        )
-        self._beside = [(self._motors[i], self._motors[by]) for i, by in enumerate(places) if by != i]
-        self._borrowing = [(self._motors[i], self._motors[by]) for i, by in enumerate(encoders) if by != i]
-        self._together = AxisCoordinator(len(motors), independent=independent) if motors[1:] else None
+        self._motors, alone = tuple(motors), independent or len(motors) == 1
+        self._beside = [(motors[i], motors[by]) for i, by in enumerate(neighbours) if by != i]
+        self._borrowing = [(motors[i], motors[by]) for i, by in enumerate(encoders) if by != i]
+        for motor in motors:
+            motor.among, motor.shared = len(motors) > 1, any(motor is one for one, _ in self._beside)
+        self._together = AxisCoordinator(len(motors), independent=alone)
         self._ring, self._block, self._clock, self._start = ring, block, clock, start
-        self._quit, self._independent, self._running = False, independent, False
+        self._quit, self._independent, self._running = False, alone, False
 
     def quit(self) -> None:
         """End the run with a controlled release, as the operator's word does; for signals."""
@@ -259,13 +261,13 @@ class Loop:
         with contextlib.ExitStack() as stack:
             stack.callback(self._ring.close)
             for motor in reversed(self._motors):
-                if motor.parts.estimate is not None:
-                    stack.callback(motor.parts.estimate.close)
+                if motor.estimate is not None:
+                    stack.callback(motor.estimate.close)
                 stack.callback(lambda close: left.append(close()), motor.drive.close)
         return left
 
     def _run(self) -> tuple[int, int, float]:
-        clock, motors, first, together = self._clock, self._motors, self._motors[0], self._together
+        clock, motors, first = self._clock, self._motors, self._motors[0]
         ring, block, ramps = self._ring, self._block, [motor.gains for motor in self._motors]
         period, patience = round(first.cycle.period * SECOND), min(motor.cycle.limits.operator_age for motor in motors)
         deadline = clock.now() + period
@@ -291,13 +293,8 @@ class Loop:
             if request == Request.ACKNOWLEDGE:
                 for motor in motors:
                     motor.drive.reset_fault()
-            if together is None:
-                first.request = request
-                first.plan(woke, 1 + skipped)
-                first.gains.step(block, 1 + skipped)
-            else:
-                self._plan_together(together, request, woke, 1 + skipped)
-                step_all(ramps, block, 1 + skipped)
+            self._plan(request, woke, 1 + skipped)
+            step_all(ramps, block, 1 + skipped)
 
             # what is done
             recorder = ring.recorder.state(woke)
@@ -333,20 +330,18 @@ class Loop:
     def _over(self) -> bool:
         """True if the run has come to its end."""
         motors = self._motors
-        if self._together is None:
-            return motors[0].script.done and motors[0].mode == Mode.RUNNING
         return self._together.over([motor.script.done for motor in motors], [motor.mode for motor in motors])
 
-    def _plan_together(self, together: AxisCoordinator, request: Request, woke: int, cycles: int) -> None:
-        """What is asked of several motors, and what the supervisor of each is shown of the others."""
-        motors = self._motors
+    def _plan(self, request: Request, woke: int, cycles: int) -> None:
+        """What is asked of the motors, and what the supervisor of each is shown of the others."""
+        motors, together = self._motors, self._together
         modes = [motor.mode for motor in motors]
         asked = together.asked(request, modes, [motor.verdict.faults for motor in motors])
         shown = together.shown([motor.cycle.latched for motor in motors])
-        if Mode.RUNNING in modes and not self._running:
+        if Mode.RUNNING in modes and not (self._running or self._independent):
             longest = max(motor.script.approach(motor.target) for motor in motors)
             for motor in motors:
-                motor.script.least = 0.0 if self._independent else longest
+                motor.script.least = longest
         self._running = Mode.RUNNING in modes
         for motor in motors:
             motor.plan(woke, cycles)

@@ -62,7 +62,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.live import drive_memory
     from bowden.live.by_hand import require_same
     from bowden.live.control_block import ControlBlock
-    from bowden.live.loop import Loop, MotorParts
+    from bowden.live.loop import Loop, LoopMotor
     from bowden.live.ring import RingWriter
     from bowden.live.row import NOTHING_READ
     from bowden.models.drive.thermal import ThermalState
@@ -76,7 +76,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         cycle.begin(NOTHING_READ, ThermalState(*thermal), latched)
         drive = open_drive(motor.rig.drive_parameters, motor.rig.load_cell, links)
         made = (drive, cycle, motor.script(course), course, motor.push(), motor.brake(drive), motor.estimate())
-        parts.append(MotorParts(*made))
+        parts.append(LoopMotor(*made))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
     loop = Loop(
         *(parts, ring, block, MonotonicClock(), given["start_ns"]),

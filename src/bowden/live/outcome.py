@@ -12,7 +12,7 @@ from bowden.live.figures import RunStop
 from bowden.live.mcap_read import Recording
 from bowden.live.ring import RecorderState
 from bowden.live.session_motor import SessionMotor
-from bowden.live.stops import OF_THE_COMPUTER, STALLED, MotorFaults, remedy_of, unattended
+from bowden.live.stops import OF_THE_COMPUTER, STALLED, Stop, remedy_of, unattended
 from bowden.live.together import mode_of_all
 from bowden.safety import faults
 from bowden.safety.faults import Fault
@@ -126,9 +126,9 @@ def why(run: RunState) -> list[str]:
 
 def _faults(run: RunState) -> list[str]:
     """What came first with its remedy, and what followed from it; of several motors in the one that had it first."""
-    each = [MotorFaults.of(motor.name, motor.came) for motor in run.motors if motor.came]
-    at_end = MotorFaults.of("", dict.fromkeys(faults.of((run.ended or SAID_NOTHING).faults), 0.0))
-    first, *others = sorted(each or [at_end], key=MotorFaults.order)
+    each = [Stop.of(motor.name, motor.came) for motor in run.motors if motor.came]
+    at_end = Stop.of("", dict.fromkeys(faults.of((run.ended or SAID_NOTHING).faults), 0.0))
+    first, *others = sorted(each or [at_end], key=Stop.order)
     where = f"{first.motor}: " if first.motor else ""
     found = [
         f"{where}{fault.meaning}; {remedy_of(fault, twin=run.on_twin, recorder=run.recorder, emg=run.emg)}"

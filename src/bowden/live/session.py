@@ -40,7 +40,7 @@ from bowden.live.recorder import check_room
 from bowden.live.ring import CAPACITY, FOLDER, RecorderState, RingReader, Row, create
 from bowden.live.row import AT, description
 from bowden.live.session_motor import SessionMotor
-from bowden.live.stops import MotorFaults, remedy_of
+from bowden.live.stops import Stop, remedy_of
 from bowden.live.together import OF_ALL, mode_of_all, of_all
 from bowden.records.trace import Trace
 from bowden.rig.families import family_of
@@ -405,23 +405,14 @@ class Session:
             return []
         return [motor.of(row) for motor in self.motors] if self.live.independent else [row]
 
-    @property
-    def came(self) -> dict[Fault, float]:
-        """Onset of each present fault [s], in the order of time, up to the newest row of `last`; of all motors."""
-        found: dict[Fault, float] = {}
-        for motor in self.motors:
-            for fault, time in motor.came.items():
-                found[fault] = min(time, found.get(fault, time))
-        return dict(sorted(found.items(), key=lambda one: one[1]))
-
-    def faults(self, row: Mapping[str, float]) -> list[MotorFaults]:
+    def faults(self, row: Mapping[str, float]) -> list[Stop]:
         """The faults of a row of `last`, first those of the motor that was the first to have one; empty without any."""
         found = []
         for motor in self.motors:
             own = motor.of(row)
             came = {fault: motor.came.get(fault, own["time"]) for fault in faults.of(own["faults"])}
-            found += [MotorFaults.of(motor.name, came)] if came else []
-        return sorted(found, key=MotorFaults.order)
+            found += [Stop.of(motor.name, came)] if came else []
+        return sorted(found, key=Stop.order)
 
     @property
     def emergency(self) -> int:

@@ -112,22 +112,29 @@ def remedy_of(fault: Fault, *, twin: bool, recorder: float = RecorderState.OK, e
 
 
 class Stop(NamedTuple):
-    """One end of power by a fault."""
+    """The faults of one motor: of one end of its power, or those that it has."""
 
     time: float
-    """When the first of its faults came, since the first cycle [s]."""
+    """When the first of them came; of a recorded run since the first cycle [s]."""
     causes: tuple[Fault, ...]
     """What came first."""
     consequences: tuple[Fault, ...]
     """What came after it, or follows from it, in its order."""
-    latest: float
+    came: Mapping[Fault, float]
+    """When each came [s]."""
+    latest: float = 0.0
     """Largest lateness of a cycle, or of the last ones together, in the half second before [s]."""
     alone: float = 0.0
     """Largest age of the operator's sign of life in that time [s]."""
     emg: float = EmgLoss.NONE
     """Which `EmgLoss` it was, in a run by EMG."""
     motor: str = ""
-    """Whose it is, in a run with several."""
+    """Name of the motor; empty of a rig with one motor."""
+
+    @classmethod
+    def of(cls, motor: str, came: Mapping[Fault, float]) -> "Stop":
+        """The faults that a motor has, parted by `split_root_causes`."""
+        return cls(min(came.values(), default=0.0), *split_root_causes(came), came, motor=motor)
 
     def order(self) -> tuple[float, bool]:
         """For sorting: what came first; of those at once, what has a cause of its own."""
@@ -166,9 +173,11 @@ def _stops(log: Recording) -> Iterator[Stop]:
         clear = np.flatnonzero((bits[:at] & bits[at]) == 0)
         begin = int(clear[-1]) + 1 if len(clear) else 0
         since = (time >= time[at] - _LOOKED_BACK) & (time <= time[at])
+        came = onsets(bits[begin:over], time[begin:over])
         yield Stop(
             float(time[begin] - time[0]),
-            *split_root_causes(onsets(bits[begin:over], time[begin:over])),
+            *split_root_causes(came),
+            came,
             _most(log["lateness"][since], log["supervisor.timers.late"][since]),
             _most(log["operator_age"][since]) if "operator_age" in log.columns else 0.0,
             float(log["emg.loss"][at]) if "emg.loss" in log.columns else EmgLoss.NONE,
@@ -210,26 +219,6 @@ def split_root_causes(came: Mapping[Fault, float]) -> tuple[tuple[Fault, ...], t
     if Fault.MOTOR_STALE in first and {*first} <= _OLD and Fault.HEARTBEAT_LOST in came:
         first = [Fault.HEARTBEAT_LOST]
     return tuple(first), tuple(fault for fault in came if fault not in first)
-
-
-class MotorFaults(NamedTuple):
-    """The faults of one motor."""
-
-    motor: str
-    """Its name; empty of a rig with one motor."""
-    causes: tuple[Fault, ...]
-    consequences: tuple[Fault, ...]
-    came: Mapping[Fault, float]
-    """When each came [s]."""
-
-    @classmethod
-    def of(cls, motor: str, came: Mapping[Fault, float]) -> "MotorFaults":
-        """Those of a motor, parted by `split_root_causes`."""
-        return cls(motor, *split_root_causes(came), came)
-
-    def order(self) -> tuple[float, bool]:
-        """For sorting: who had a fault first; of those at once, who has one of its own."""
-        return min(self.came.values(), default=0.0), {*self.causes} <= {*faults.OF_OTHERS}
 
 
 def run_stops(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> tuple[RunStop, ...]:

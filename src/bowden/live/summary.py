@@ -21,13 +21,12 @@ from bowden.hardware.realtime import Grant
 from bowden.live import stops
 from bowden.live.ended import SAID_NOTHING, Ended, EndedMotor
 from bowden.live.figures import Damage, DelaySpread, EmgRunFigures, EndedRun, FeltInRun, RunMotor
-from bowden.live.log_facts import NEEDED, recorded, tracked
+from bowden.live.log_facts import NEEDED, motions, recorded, tracked
 from bowden.live.mcap_log import about as describing
 from bowden.live.mcap_read import Recording, read
 from bowden.live.preflight import REASONS
 from bowden.live.session import Session
 from bowden.safety import faults
-from bowden.sensing.intent import Intent
 
 if TYPE_CHECKING:
     from bowden.live.emg_process import EmgProcess
@@ -134,7 +133,7 @@ def emg_figures(log: Recording, run: "EmgRun", emg_process: "EmgProcess") -> Emg
     In the proportional mode the joint follows the envelope: there are no motions to speak of.
     """
     led, triggered = log["source"] >= TargetSource.LAW_BEGINS, not run.course.proportional
-    at = _motions(log["emg.intent"], led) if triggered else []
+    at = motions(log) if triggered else []
     time, onset = log["time"], log["emg.onset"]
     end = int(np.flatnonzero(led)[-1]) + 1 if led.any() else 0
     spans = list(pairwise([*at, end]))
@@ -160,13 +159,6 @@ def emg_figures(log: Recording, run: "EmgRun", emg_process: "EmgProcess") -> Emg
         lost=int(log["emg.lost"][-1]) if len(time) else 0,
         why_lost=emg_process.lost or None,
     )
-
-
-def _motions(intent: Array, led: NDArray[np.bool_]) -> list[int]:
-    """Rows in which a motion begins, or turns round."""
-    moving = (intent == Intent.FLEX) | (intent == Intent.EXTEND)
-    begins = led[1:] & moving[1:] & (intent[1:] != intent[:-1])
-    return [int(i) + 1 for i in np.flatnonzero(begins)]
 
 
 def _until(time: Array, values: Array, onset: float, begin: int, end: int, far: float) -> float | None:

@@ -20,7 +20,7 @@ PEAK_SPEED = 1.875
 
 @kernel
 def minimum_jerk(start: float, end: float, duration: float, time: float) -> Reference:
-    """The motion of minimum jerk from `start` to `end`, resting before and after it.
+    """The motion of minimum jerk from `start` to `end` [rad], resting before and after it; times in seconds.
 
         φ = start + (end − start)·(10x³ − 15x⁴ + 6x⁵),  x = time/duration
 

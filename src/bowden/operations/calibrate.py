@@ -45,6 +45,10 @@ def calibrate_joint(
     Raises:
         ParameterError: no terminal, a rig without such a sensor, or readings that do not go with the poses.
         StreamError: its stream cannot be opened, or nothing comes.
+
+    Examples:
+        bowden calibrate joint rig.toml
+        bowden calibrate joint rig.toml --pose-deg 0 --pose-deg 45
     """
     from bowden.core.errors import ParameterError
     from bowden.core.files import whole_file
@@ -117,12 +121,4 @@ def _looked(samples: "JointSamples", what: str, lasting: float) -> "Sequence[Seq
 
 
 GROUP = "Calibrate sensors of the joint by hand."
-
-OPERATIONS = (
-    Operation(
-        "calibrate joint",
-        calibrate_joint,
-        ("bowden calibrate joint rig.toml", "bowden calibrate joint rig.toml --pose-deg 0 --pose-deg 45"),
-        place=44,
-    ),
-)
+OPERATIONS = (Operation("calibrate joint", calibrate_joint, 44),)

@@ -94,6 +94,12 @@ def campaign(
         OutputError: a folder that cannot be written.
         MissingExtraError: PyArrow is not installed: ``pip install "bowden[parquet]"``.
 
+    Examples:
+        bowden campaign study.toml
+        bowden campaign study.toml --out out/study --workers 2 --json
+        bowden campaign study.toml --cluster tcp://127.0.0.1:8786
+        bowden campaign study.toml --run 17
+
     >>> import bowden, pathlib, tempfile
     >>> folder = pathlib.Path(tempfile.mkdtemp())
     >>> _ = (folder / "study.toml").write_text('''
@@ -171,16 +177,4 @@ def _alone(study: "Study", number: int, folder: Path) -> CampaignRun:
     return CampaignRun(number, rig.hash, values, figures, files, made=traces, notes=tuple(rig.notes))
 
 
-OPERATIONS = (
-    Operation(
-        "campaign",
-        campaign,
-        (
-            "bowden campaign study.toml",
-            "bowden campaign study.toml --out out/study --workers 2 --json",
-            "bowden campaign study.toml --cluster tcp://127.0.0.1:8786",
-            "bowden campaign study.toml --run 17",
-        ),
-        place=100,
-    ),
-)
+OPERATIONS = (Operation("campaign", campaign, 100),)

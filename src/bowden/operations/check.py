@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from bowden.core.documented import Documented
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation
-from bowden.operations.support.results import Result, degrees
+from bowden.operations.support.results import Result, degrees, filled
 
 if TYPE_CHECKING:
     from bowden.design.check_result import Check
@@ -188,6 +188,11 @@ def check(
     Raises:
         ParameterError: a rig, law or setting that cannot be used.
 
+    Examples:
+        bowden check rig.toml
+        bowden check rig.toml --preset paper
+        bowden check rig.toml --law my_law.py --json
+
     >>> from bowden import Rig, check
     >>> found = check(Rig(), "adaptive")
     >>> found.holds, found.verdict, round(found.gain_margin_db)
@@ -215,10 +220,10 @@ def check(
             found_wrong += [f"{joint.said}: {ends}" if joint.said else ends] if ends else []
     worst = max(checks, key=lambda name: _badness(checks[name]))
     figures = {name: _figures(one, joints[name]) for name, one in checks.items()}
-    several = tuple(LoopCheck(**one) for one in figures.values() if len(checks) > 1)
+    several = tuple(figures.values()) if len(checks) > 1 else ()
     said = as_notes(found_wrong)
     return CheckResult(
-        **(figures[worst] | {"rig": whole.hash}),
+        **(vars(figures[worst]) | {"rig": whole.hash}),
         joints=several,
         refusals=tuple(found_wrong),
         made=checks if several else checks[worst],
@@ -239,28 +244,22 @@ def _badness(found: "Check") -> tuple[int, float]:
     return _VERDICTS.index(found.verdict), -(margin if margin is not None else math.inf if found.holds else -math.inf)
 
 
-def _figures(found: "Check", joint: "RigJoint") -> dict[str, Any]:
-    """The figures of one check, angles in degrees."""
+def _figures(found: "Check", joint: "RigJoint") -> LoopCheck:
+    """The figures of one check."""
     period = next((t.period for t in found.trials if t.swing is not None and t.swing == found.swing), None)
-    cycle, apart = found.cycle, found.shared
+    cycle, apart, worst = found.cycle, found.shared, found.worst
     ripple = [t.ripple for t in found.trials if t.ripple is not None]
     shared = None
     if apart is not None:
         loops = tuple(TautMargins(*loop) for loop in apart.loops)
         contraction = degrees(joint.settings.co_contraction)
         shared = SharedLoops(joint.names, contraction, loops, degrees(apart.drift), apart.apart)
-    return {
-        "joint": joint.name,
-        **{name: getattr(found, name) for name in ("law", "verdict", "holds", "reason", "leaves_out", "refuted")},
-        **{name: getattr(found, name) for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s", "advice")},
-        "worst": WorstLoop(
-            degrees(found.worst.bend),
-            found.worst.at,
-            found.worst.slope,
-            found.worst.estimates,
-            found.worst.margins.largest_pole,
-        ),
-        "limit_cycle": CycleAtRest(
+    return filled(
+        LoopCheck,
+        found,
+        joint=joint.name,
+        worst=filled(WorstLoop, worst, largest_pole=worst.margins.largest_pole),
+        limit_cycle=CycleAtRest(
             cycle is not None,
             degrees(cycle.amplitude) if cycle else None,
             cycle.period if cycle else None,
@@ -268,28 +267,17 @@ def _figures(found: "Check", joint: "RigJoint") -> dict[str, Any]:
             degrees(found.swing),
             period,
         ),
-        "chatter": Chatter(
+        chatter=Chatter(
             found.chatters,
             degrees(found.command_per_count),
             degrees(max(ripple)) if found.peak is not None else None,
         ),
-        "ultimate_bound_deg": degrees(found.ultimate_error),
-        "ultimate_bound_s": found.ultimate_s,
-        "simulated_peak_deg": degrees(found.peak),
-        "shared": shared,
-        "rig": joint.first.hash,
-    }
+        ultimate_bound_deg=degrees(found.ultimate_error),
+        ultimate_bound_s=found.ultimate_s,
+        simulated_peak_deg=degrees(found.peak),
+        shared=shared,
+        rig=joint.first.hash,
+    )
 
 
-OPERATIONS = (
-    Operation(
-        "check",
-        check,
-        (
-            "bowden check rig.toml",
-            "bowden check rig.toml --preset paper",
-            "bowden check rig.toml --law my_law.py --json",
-        ),
-        place=80,
-    ),
-)
+OPERATIONS = (Operation("check", check, 80),)

@@ -47,6 +47,10 @@ def confirm(rig: GivenRig, *, motor: str | None = None, channel: str | None = No
         ParameterError: there is no terminal, or the encoders say something else.
         DriveError: a bus or drive that cannot be used.
         StreamError: the joint's sensor cannot be read.
+
+    Examples:
+        bowden confirm rig.toml
+        bowden confirm rig.toml --channel can1
     """
     from math import nan
 
@@ -54,6 +58,7 @@ def confirm(rig: GivenRig, *, motor: str | None = None, channel: str | None = No
     from bowden.core.errors import ParameterError
     from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.of_rig import open_drive
+    from bowden.hardware.joint_stream import of_twin
     from bowden.hardware.ports import serial_of
     from bowden.live import by_hand
     from bowden.live.joint_estimate import RestingSensor
@@ -62,7 +67,7 @@ def confirm(rig: GivenRig, *, motor: str | None = None, channel: str | None = No
     if not sys.stdin.isatty():
         raise ParameterError("there is no terminal to take an angle from", do="run it at a terminal, beside the rig")
     whole = given.rig_of(rig).only(motor).on_bus(channel)
-    sensor = whole.joint_sensor
+    sensor = of_twin(whole.joint_sensor, whole.drive)
     with contextlib.ExitStack() as stack:
         at_joint = None  # it is opened first: while it is waited for, no drive is
         if sensor.sensed:
@@ -97,6 +102,4 @@ def _line() -> str | None:
     return sys.stdin.readline() if ready else None
 
 
-OPERATIONS = (
-    Operation("confirm", confirm, ("bowden confirm rig.toml", "bowden confirm rig.toml --channel can1"), place=45),
-)
+OPERATIONS = (Operation("confirm", confirm, 45),)

@@ -60,6 +60,12 @@ def console(
     Raises:
         ParameterError: an address that needs TLS and has none.
         DriveError: an address or port that cannot be used.
+
+    Examples:
+        bowden console rig.toml --twin
+        bowden console rig.toml --port 8080 --no-open
+        bowden console rig.toml --twin --json
+        bowden console rig.toml --host 192.168.1.5 --tls-cert rig.pem --tls-key rig.key
     """
     from bowden.console.open import opened
     from bowden.operations.support import given
@@ -81,16 +87,4 @@ def console(
         yield ConsoleOpened(link, whole.hash, twin, notes=notes)
 
 
-OPERATIONS = (
-    Operation(
-        "console",
-        console,
-        (
-            "bowden console rig.toml --twin",
-            "bowden console rig.toml --port 8080 --no-open",
-            "bowden console rig.toml --twin --json",
-            "bowden console rig.toml --host 192.168.1.5 --tls-cert rig.pem --tls-key rig.key",
-        ),
-        place=65,
-    ),
-)
+OPERATIONS = (Operation("console", console, 65),)

@@ -82,6 +82,11 @@ def demo(
     Raises:
         LogError: a log whose model is not to be trusted.
         ParameterError: no law holds.
+
+    Examples:
+        bowden demo
+        bowden demo my.csv
+        bowden demo my.csv --unit deg --json
     """
     from bowden.core.errors import LogError, ParameterError
     from bowden.core.files import write_text
@@ -188,6 +193,4 @@ def _live(
     return session, found
 
 
-OPERATIONS = (
-    Operation("demo", demo, ("bowden demo", "bowden demo my.csv", "bowden demo my.csv --unit deg --json"), place=3),
-)
+OPERATIONS = (Operation("demo", demo, 3),)

@@ -79,6 +79,10 @@ def doctor(
 
     Raises:
         ParameterError: a number that cannot be.
+
+    Examples:
+        bowden doctor
+        bowden doctor --seconds 60 --cpu 1 --json
     """
     from bowden.core.caller import argument
     from bowden.hardware.emg.lsl_info import which
@@ -156,4 +160,4 @@ def _advice(here: Machine, measured: Lateness, grants: list[Any]) -> list[str]:
     return advice
 
 
-OPERATIONS = (Operation("doctor", doctor, ("bowden doctor", "bowden doctor --seconds 60 --cpu 1 --json"), place=70),)
+OPERATIONS = (Operation("doctor", doctor, 70),)

@@ -3,8 +3,9 @@
 import contextlib
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from bowden.core.documented import Documented
@@ -13,7 +14,6 @@ from bowden.operations.support.operation import GivenRig, Operation, Quiet
 from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
-    from bowden.hardware.ports import Drive
     from bowden.live.drive_look import DriveLook
     from bowden.rig.rig import Rig
 
@@ -125,6 +125,10 @@ def drive_probe(rig: GivenRig, *, motor: str | None = None, channel: str | None 
 
     Raises:
         DriveError: nobody answers.
+
+    Examples:
+        bowden drive probe rig.toml
+        bowden drive probe rig.toml --channel can1
     """
     from bowden.core.errors import DriveError
     from bowden.hardware.buses.link import Links
@@ -169,6 +173,10 @@ def drive_monitor(
     Raises:
         DriveError: an angle has not come.
         ParameterError: no end is given where one is needed.
+
+    Examples:
+        bowden drive monitor rig.toml
+        bowden drive monitor rig.toml --duration 10 --json
     """
     from bowden.core.errors import DriveError, ParameterError
     from bowden.live.drive_look import AGES
@@ -181,9 +189,8 @@ def drive_monitor(
         raise ParameterError("--json needs an end", do="add --duration 10")
     whole = _given(rig, motor, channel)
     look: DriveLook | None = None
-    with _brought_up(whole) as (drive, identity), contextlib.suppress(KeyboardInterrupt):
-        say(identity)
-        for look in _looked(drive, whole, math.inf if duration is None else duration):
+    with _brought_up(whole) as (identity, looked), contextlib.suppress(KeyboardInterrupt):
+        for look in looked(math.inf if duration is None else duration):
             _show(look, whole)
     if look is None:
         return
@@ -226,6 +233,10 @@ def drive_zero(
     Raises:
         DriveError: a bus or drive that cannot be used.
         ParameterError: angles that cannot be.
+
+    Examples:
+        bowden drive zero rig.toml
+        bowden drive zero rig.toml --joint-deg 90
     """
     from bowden.core.units import RADIANS
     from bowden.live.drive_look import require_zero, zero_keys
@@ -236,9 +247,8 @@ def drive_zero(
         check_number(name, angle, -1e6, 1e6)
     whole = _given(rig, motor, channel)
     require_zero(whole.drive)
-    with _brought_up(whole) as (drive, identity):
-        say(identity)
-        *_, look = _looked(drive, whole, _SETTLE)
+    with _brought_up(whole) as (identity, looked):
+        *_, look = looked(_SETTLE)
     assert look.last is not None
     keys = zero_keys(whole.drive, whole.drive_parameters, look.last, motor_deg * RADIANS, joint_deg * RADIANS)
     if hint := family_of(whole.drive).zero_hint:
@@ -260,6 +270,10 @@ def drive_tare(rig: GivenRig, *, load: float = 0.0, motor: str | None = None, ch
     Raises:
         DriveError: a bus or drive that cannot be used.
         ParameterError: a load that cannot be, or a rig without a load cell.
+
+    Examples:
+        bowden drive tare rig.toml
+        bowden drive tare rig.toml --load 20
     """
     from bowden.live.drive_look import require_load_cell, tare
     from bowden.operations.support.given import check_number
@@ -267,10 +281,12 @@ def drive_tare(rig: GivenRig, *, load: float = 0.0, motor: str | None = None, ch
     check_number("load", load, -1e6, 1e6)
     whole = _given(rig, motor, channel)
     require_load_cell(whole)
-    with _brought_up(whole) as (drive, identity):
-        say(identity)
-        looks = _looked(drive, whole, _LISTENED)
-        readings = [look.last for look in looks if look.last is not None and look.cycles * whole.sample_time > _SETTLE]
+    with _brought_up(whole) as (identity, looked):
+        readings = [
+            look.last
+            for look in looked(_LISTENED)
+            if look.last is not None and look.cycles * whole.sample_time > _SETTLE
+        ]
     found = tare(whole, readings, load)
     limits = whole.supervisor_limits
     most = limits.torque_high if limits.measures_torque else limits.tension_high
@@ -295,23 +311,21 @@ def _given(rig: Any, motor: str | None, channel: str | None) -> "Rig":
 
 
 @contextlib.contextmanager
-def _brought_up(given: "Rig") -> Iterator[tuple["Drive", str]]:
-    """The rig's drive without power, and who it is; let go of at the end, and its torque is printed."""
+def _brought_up(given: "Rig") -> Iterator[tuple[str, Callable[[float], Iterator["DriveLook"]]]]:
+    """Who the rig's drive is, which gets no power, and looks at it for a time [s]; let go of at the end, and its torque
+    is printed.
+    """
+    from bowden.core.clock import MonotonicClock
     from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.of_rig import open_drive
+    from bowden.live.drive_look import looked_at
 
     drive = open_drive(given.drive_parameters, given.load_cell, Links())
     try:
-        yield drive, drive.bring_up()
+        say(identity := drive.bring_up())
+        yield identity, partial(looked_at, drive, MonotonicClock(), given.sample_time)
     finally:
         say_torque(drive.close(), say)
-
-
-def _looked(drive: "Drive", given: "Rig", duration: float) -> Iterator["DriveLook"]:
-    from bowden.core.clock import MonotonicClock
-    from bowden.live.drive_look import looked_at
-
-    return looked_at(drive, MonotonicClock(), given.sample_time, duration)
 
 
 def _show(look: "DriveLook", given: "Rig") -> None:
@@ -352,27 +366,9 @@ def _readings(look: "DriveLook", identity: str) -> dict[str, Any]:
 
 
 GROUP = "Find drives on a bus, look at one, and set its zero; without power."
-
 OPERATIONS = (
-    Operation(
-        "drive probe",
-        drive_probe,
-        ("bowden drive probe rig.toml", "bowden drive probe rig.toml --channel can1"),
-        place=43,
-    ),
-    Operation(
-        "drive monitor",
-        drive_monitor,
-        ("bowden drive monitor rig.toml", "bowden drive monitor rig.toml --duration 10 --json"),
-        place=43,
-    ),
-    Operation(
-        "drive zero",
-        drive_zero,
-        ("bowden drive zero rig.toml", "bowden drive zero rig.toml --joint-deg 90"),
-        place=43,
-    ),
-    Operation(
-        "drive tare", drive_tare, ("bowden drive tare rig.toml", "bowden drive tare rig.toml --load 20"), place=43
-    ),
+    Operation("drive probe", drive_probe, 43),
+    Operation("drive monitor", drive_monitor, 43),
+    Operation("drive zero", drive_zero, 43),
+    Operation("drive tare", drive_tare, 43),
 )

@@ -77,6 +77,11 @@ def emg_calibrate(
         LogError: a recording that cannot be used, or has no contraction in it.
         ParameterError: arguments of the wrong kind.
 
+    Examples:
+        bowden emg calibrate mvc.csv
+        bowden emg calibrate mvc.csv --rest rest.csv --out anna.toml
+        bowden emg calibrate --source lsl:EMG --channel biceps --seconds 5 --out anna.toml
+
     >>> import bowden
     >>> import numpy as np
     >>> random = np.random.default_rng(0)
@@ -143,8 +148,7 @@ def _from_stream(
 ) -> "tuple[MuscleCalibration, float, list[str]]":
     """The wearer, how much was left out [s], and what is said of that."""
     from bowden.design.contractions import note_left_out
-    from bowden.hardware.emg.listen import listen
-    from bowden.hardware.emg.sources import open_source
+    from bowden.hardware.emg.sources import listen, open_source
     from bowden.identify.emg.levels import check_contraction, envelope_levels
     from bowden.operations.support.given import check_number
     from bowden.sensing.wearer_file import MuscleCalibration
@@ -184,15 +188,4 @@ def with_unit(channel: str, unit: str) -> str:
     return channel if not unit or channel.endswith(unit) else f"{channel}_{unit}"
 
 
-OPERATIONS = (
-    Operation(
-        "emg calibrate",
-        emg_calibrate,
-        (
-            "bowden emg calibrate mvc.csv",
-            "bowden emg calibrate mvc.csv --rest rest.csv --out anna.toml",
-            "bowden emg calibrate --source lsl:EMG --channel biceps --seconds 5 --out anna.toml",
-        ),
-        place=10,
-    ),
-)
+OPERATIONS = (Operation("emg calibrate", emg_calibrate, 10),)

@@ -78,6 +78,10 @@ def emg_score(
         LogError: a recording or labels that cannot be used.
         ParameterError: arguments of the wrong kind.
 
+    Examples:
+        bowden emg score biceps.csv
+        bowden emg score biceps.csv --labels biceps.labels.csv --json
+
     >>> import bowden
     >>> import numpy as np
     >>> random = np.random.default_rng(0)
@@ -117,11 +121,4 @@ def emg_score(
 _LARGEST = "the largest contraction of this recording"
 
 GROUP = "Detect contractions in EMG, calibrate a wearer, play recordings as streams."
-OPERATIONS = (
-    Operation(
-        "emg score",
-        emg_score,
-        ("bowden emg score biceps.csv", "bowden emg score biceps.csv --labels biceps.labels.csv --json"),
-        place=20,
-    ),
-)
+OPERATIONS = (Operation("emg score", emg_score, 20),)

@@ -72,6 +72,10 @@ def emg_stream(
     Raises:
         LogError: a recording that cannot be used.
         ParameterError: a speed or a name that cannot be.
+
+    Examples:
+        bowden emg stream biceps.csv
+        bowden emg stream biceps.csv --name EMG --loop --wait
     """
     from bowden.core.caller import argument
     from bowden.core.errors import ParameterError
@@ -133,6 +137,10 @@ def emg_serve(
     Raises:
         LogError: a recording that cannot be used.
         ParameterError: a port or a fault that cannot be.
+
+    Examples:
+        bowden emg serve biceps.csv
+        bowden emg serve biceps.csv --loop --fault late=0.1 --fault torn
     """
     from bowden.hardware.emg.trigno_server import Ports, TrignoServer, read_faults
     from bowden.identify.emg.log import read_channels
@@ -183,17 +191,4 @@ def _bar(given: Progress | bool | None, lasting: float) -> Iterator[Callable[[fl
         yield show
 
 
-OPERATIONS = (
-    Operation(
-        "emg stream",
-        emg_stream,
-        ("bowden emg stream biceps.csv", "bowden emg stream biceps.csv --name EMG --loop --wait"),
-        place=30,
-    ),
-    Operation(
-        "emg serve",
-        emg_serve,
-        ("bowden emg serve biceps.csv", "bowden emg serve biceps.csv --loop --fault late=0.1 --fault torn"),
-        place=40,
-    ),
-)
+OPERATIONS = (Operation("emg stream", emg_stream, 30), Operation("emg serve", emg_serve, 40))

@@ -96,6 +96,10 @@ def export(
             line.
         OutputError: a folder that cannot be written, or holds other things.
 
+    Examples:
+        bowden export rig.toml --law bowden --to firmware/law
+        bowden export rig.toml --to firmware/law --target cortex-m4f --emg
+
     >>> import tempfile
     >>> from bowden import Rig, export
     >>> found = export(Rig(duration=2.0), tempfile.mkdtemp(), "uncompensated")
@@ -108,8 +112,7 @@ def export(
     from bowden.core.files import output_folder, whole_files
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
-    from bowden.export.files import files
-    from bowden.export.readme import TARGETS, YOURS, pages
+    from bowden.export.files import TARGETS, YOURS, files, pages
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
     from bowden.rig.counts import Counts, counts_of, guessed
@@ -120,13 +123,6 @@ def export(
     refused = refusals(given.rig_of(rig))
     if refused and not force:
         raise ParameterError(refused[0], do=f"or export it anyway with {argument('force', True)}")
-    if whole.joint_sensor.estimated:
-        raise ParameterError(
-            f"the joint's angle is an estimate (joint_sensor.source is {whole.joint_sensor.source!r}), which is not "
-            "exported",
-            expected="a rig with an encoder at the joint",
-            do='write source = "encoder" into [joint_sensor], and read an encoder in board_joint',
-        )
     output_folder(folder, argument("folder"))
     if target not in TARGETS:
         do = f"correct {argument('target')}"
@@ -144,7 +140,10 @@ def export(
         preamble += f" Its gains are judged for {whole.servo_text}."
     texts = pages(whole, modules, encoders, preamble, rate, hardware, single=float32)
     for module in modules:
-        single = float32 and module.prefix != "safety"  # what it adds up over minutes needs more than a float
+        single = float32 and module.prefix not in (
+            "safety",
+            "joint",
+        )  # what it adds up over minutes needs more than a float
         texts |= files(module, preamble, single=single)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
     kept = [name for name in YOURS if (folder / name).exists()]
@@ -188,12 +187,15 @@ def _modules(rig: "Rig", law: "Law", encoders: "Counts | SpoolMap", emg_rate: fl
         ParameterError: two modules of one name.
     """
     from bowden.core.errors import ParameterError
-    from bowden.export.modules import course_module, emg_modules, law_module, safety_module
+    from bowden.export.modules import course_module, emg_modules, joint_module, law_module, safety_module
     from bowden.rig.emg_run import course_of
+    from bowden.rig.joint_sensor import motor_reach
     from bowden.sensing.detectors import detector_named
 
     limits = limits_of(rig, law)._replace(uses_emg=emg_rate is not None)
     modules = [law_module(law, rig.sample_time, encoders), safety_module(limits, rig.filters)]
+    if rig.joint_sensor.estimated:
+        modules += [joint_module(rig.joint_model, motor_reach(limits), rig.sample_time)]
     if emg_rate is not None:
         given = rig.emg
         modules += [course_module(course_of(given))]
@@ -243,13 +245,13 @@ def _recording(rig: "Rig", law: "Law") -> str:
     import numpy as np
 
     from bowden.control import user_law
-    from bowden.export.readme import COLUMNS
+    from bowden.export.files import COLUMNS
     from bowden.sim.run import simulate
 
     duration = min(RECORDED, rig.duration)
     with user_law.explained(law):
         trace = simulate(
-            rig.moved,
+            rig.simulated_plant,
             law,
             rig.trajectory,
             duration=duration,
@@ -266,14 +268,4 @@ def _recording(rig: "Rig", law: "Law") -> str:
     return "\n".join(lines) + "\n"
 
 
-OPERATIONS = (
-    Operation(
-        "export",
-        export,
-        (
-            "bowden export rig.toml --law bowden --to firmware/law",
-            "bowden export rig.toml --to firmware/law --target cortex-m4f --emg",
-        ),
-        place=120,
-    ),
-)
+OPERATIONS = (Operation("export", export, 120),)

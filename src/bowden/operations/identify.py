@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from inspect import Parameter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from bowden.core.documented import Documented
 from bowden.identify.cable.hysteresis_loop import HysteresisLoop
 from bowden.operations.support.operation import GivenProgress, Operation, Role, Switch
-from bowden.operations.support.results import Result, TrustLevel, degrees, fields
+from bowden.operations.support.results import Result, TrustLevel, degrees, filled
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     AnyModel = str | Path | Fit | CableModel | IdentifiedCable
 
 
-Part = TypeVar("Part")
 EMPTY = Parameter.empty
 """A log is no option of the command line: it has to be given."""
 
@@ -232,6 +231,15 @@ def identify(
         LogError: a file that cannot be read, signals that nothing can be fitted to, or logs that do not go together.
         ParameterError: arguments of the wrong kind, or that do not go together.
 
+    Examples:
+        bowden identify log.csv
+        bowden identify log.csv.gz --out out/cable
+        bowden identify raw.csv --unit counts --counts-per-turn 8192,4000 --rate 1000
+        bowden identify low.csv mid.csv high.csv --load 0.02,0.06,0.12
+        bowden identify low.csv mid.csv high.csv --load joint_torque_nm
+        bowden identify new.csv --model out/identify/model.toml --out out/new
+        bowden identify log.csv --json
+
     >>> import bowden
     >>> import numpy as np
     >>> time = np.arange(0.0, 20.0, 0.01)
@@ -264,14 +272,14 @@ def identify(
         fit.best.name,
         tuple(fit.warnings),
         fit.samples,
-        {family: _of(FittedModel, one) for family, one in fit.models.items()},
+        {family: filled(FittedModel, one) for family, one in fit.models.items()},
         degrees(fit.judged_rms),
         fit.chosen.loop,
         ForecastOfModel(*map(degrees, ahead)) if ahead else None,
         TrustLevel(*fit.trust),
         ScheduleVariables(fit.units.get("load"), "rad" if "bend" in fit.units else None),
         tuple(_log_of(fit, one) for one in fit.logs),
-        _of(GainAndOffset, found) if found else None,
+        filled(GainAndOffset, found) if found else None,
         fit=fit,
     )
 
@@ -280,30 +288,7 @@ def _log_of(fit: "Fit", one: "FittedLog") -> LogOfFit:
     cycles = one.cycles
     advice = cycles.advice if len(fit.logs) == 1 and not fit.recalibration else cycles.to_record
     at = {"load": None, "bend": None} | dict(zip(fit.units, one.values, strict=True))
-    return _of(LogOfFit, one, cycles=LogCycles(*cycles, advice or None), **at)
+    return filled(LogOfFit, one, cycles=LogCycles(*cycles, advice or None), **at)
 
 
-def _of(kind: type[Part], source: Any, **known: Any) -> Part:
-    """Part of the document: what is known, and of all other fields what stands in the source, angles [rad] in deg."""
-    for name in {one.name for one in fields(kind)} - {*known}:
-        angle = name.removesuffix("_deg")
-        known[name] = getattr(source, name) if name == angle else degrees(getattr(source, angle))
-    return kind(**known)
-
-
-OPERATIONS = (
-    Operation(
-        "identify",
-        identify,
-        (
-            "bowden identify log.csv",
-            "bowden identify log.csv.gz --out out/cable",
-            "bowden identify raw.csv --unit counts --counts-per-turn 8192,4000 --rate 1000",
-            "bowden identify low.csv mid.csv high.csv --load 0.02,0.06,0.12",
-            "bowden identify low.csv mid.csv high.csv --load joint_torque_nm",
-            "bowden identify new.csv --model out/identify/model.toml --out out/new",
-            "bowden identify log.csv --json",
-        ),
-        place=20,
-    ),
-)
+OPERATIONS = (Operation("identify", identify, 20),)

@@ -10,7 +10,7 @@ from bowden.operations.support.operation import GivenProgress, Operation, Switch
 from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
-    from bowden.identify.servo.fit import ServoEstimate, ServoFit
+    from bowden.identify.servo import ServoEstimate, ServoFit
     from bowden.plants.counting import Encoders
 
 _NO_CYCLE = 0.05
@@ -91,6 +91,11 @@ def identify_servo(
         LogError: a log that cannot be used.
         ParameterError: a cycle that is not the rig's, or a rig that has several motors.
 
+    Examples:
+        bowden identify-servo step.csv
+        bowden identify-servo step.csv --into rig.toml
+        bowden identify-servo chirp.csv --command target --unit deg --json
+
     >>> import pathlib, tempfile
     >>> import numpy as np
     >>> from bowden import identify_servo
@@ -103,8 +108,8 @@ def identify_servo(
     40
     """
     from bowden.core.units import HERTZ, RADIANS
-    from bowden.identify.servo.fit import identify_servo as fit
-    from bowden.identify.servo.log import read_servo_log
+    from bowden.identify.servo import identify_servo as fit
+    from bowden.identify.servo import read_servo_log
     from bowden.operations.support.given import check_number
     from bowden.operations.support.progress import reported
     from bowden.plants.counting import NOT_SAID
@@ -159,15 +164,4 @@ def _cycle_of(path: Path, given: float | None) -> "tuple[float, Encoders]":
     return own, rig.encoders
 
 
-OPERATIONS = (
-    Operation(
-        "identify-servo",
-        identify_servo,
-        (
-            "bowden identify-servo step.csv",
-            "bowden identify-servo step.csv --into rig.toml",
-            "bowden identify-servo chirp.csv --command target --unit deg --json",
-        ),
-        place=40,
-    ),
-)
+OPERATIONS = (Operation("identify-servo", identify_servo, 40),)

@@ -106,6 +106,13 @@ def init_file(
     Raises:
         ParameterError: a model that cannot be read, or a family that there is not.
         OutputError: a file that is there, or cannot be written.
+
+    Examples:
+        bowden init
+        bowden init my_rig.toml --force
+        bowden init servo.toml --drive dynamixel
+        bowden init --model out/identify/model.toml
+        bowden init suit.toml --suit --model out/identify/model.toml
     """
     import os
     import tomllib
@@ -169,17 +176,4 @@ def init_file(
     return Initialised((path,), said=said, cable_trust=trust)
 
 
-OPERATIONS = (
-    Operation(
-        "init",
-        init_file,
-        (
-            "bowden init",
-            "bowden init my_rig.toml --force",
-            "bowden init servo.toml --drive dynamixel",
-            "bowden init --model out/identify/model.toml",
-            "bowden init suit.toml --suit --model out/identify/model.toml",
-        ),
-        place=10,
-    ),
-)
+OPERATIONS = (Operation("init", init_file, 10),)

@@ -94,6 +94,10 @@ def log_info(file: File, *, motor: str | None = None) -> LogInfo:
 
     Raises:
         LogError: it cannot be read.
+
+    Examples:
+        bowden log info run.mcap
+        bowden log info run.mcap --json
     """
     from bowden.live.log_facts import facts, needed
     from bowden.live.mcap_read import read
@@ -121,8 +125,13 @@ def log_recover(
     Raises:
         LogError: nothing of it can be read.
         OutputError: the new file is there, or cannot be written.
+
+    Examples:
+        bowden log recover run.mcap
+        bowden log recover run.mcap --out saved.mcap
+        bowden log recover run.mcap run-again1.mcap
     """
-    from bowden.live.mcap_recover import recover as save
+    from bowden.live.mcap_read import recover as save
 
     target = out or file.with_name(f"{file.stem}.recovered.mcap")
     saved = save(file, target, more or ())
@@ -142,6 +151,10 @@ def log_export(file: File, *, out: Path | None = None, motor: str | None = None)
     Raises:
         LogError: it cannot be read.
         OutputError: the new file cannot be written.
+
+    Examples:
+        bowden log export run.mcap
+        bowden log export run.mcap --out run.parquet
     """
     from itertools import chain
 
@@ -167,6 +180,10 @@ def log_plot(file: File, *, motor: str | None = None) -> LogDrawn:
 
     Raises:
         LogError: it cannot be read.
+
+    Examples:
+        bowden log plot run.mcap
+        bowden log plot run.mcap --out page.html
     """
     from bowden.live.mcap_read import read
 
@@ -188,6 +205,10 @@ def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, m
 
     Raises:
         LogError: it cannot be read, or has a program that was never run here.
+
+    Examples:
+        bowden log replay run.mcap
+        bowden log replay run.mcap --law my_law.py:MINE --json
     """
     from bowden.live.log_rig import hash_of
     from bowden.live.mcap_read import read
@@ -257,30 +278,10 @@ def _doubts(found: "Recording | LogReader", file: Path) -> dict[str, Any]:
 
 
 GROUP = "Read, plot, export, repair and replay the log of a run."
-
 OPERATIONS = (
-    Operation("log info", log_info, ("bowden log info run.mcap", "bowden log info run.mcap --json"), place=10),
-    Operation(
-        "log recover",
-        log_recover,
-        (
-            "bowden log recover run.mcap",
-            "bowden log recover run.mcap --out saved.mcap",
-            "bowden log recover run.mcap run-again1.mcap",
-        ),
-        place=20,
-    ),
-    Operation(
-        "log export",
-        log_export,
-        ("bowden log export run.mcap", "bowden log export run.mcap --out run.parquet"),
-        place=30,
-    ),
-    Operation("log plot", log_plot, ("bowden log plot run.mcap", "bowden log plot run.mcap --out page.html"), place=40),
-    Operation(
-        "log replay",
-        log_replay,
-        ("bowden log replay run.mcap", "bowden log replay run.mcap --law my_law.py:MINE --json"),
-        place=50,
-    ),
+    Operation("log info", log_info, 10),
+    Operation("log recover", log_recover, 20),
+    Operation("log export", log_export, 30),
+    Operation("log plot", log_plot, 40),
+    Operation("log replay", log_replay, 50),
 )

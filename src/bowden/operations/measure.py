@@ -53,6 +53,10 @@ def measure(
     Raises:
         SafetyError: limits that contradict one another, or a drive without an angle that was confirmed by hand.
         DriveError: a bus or drive that cannot be used.
+
+    Examples:
+        bowden measure rig.toml
+        bowden measure rig.toml --twin --auto
     """
     from bowden.live.mcap_read import read
     from bowden.live.measured import NEEDED, stalls, write_motions
@@ -83,11 +87,4 @@ def measure(
     )
 
 
-OPERATIONS = (
-    Operation(
-        "measure",
-        measure,
-        ("bowden measure rig.toml", "bowden measure rig.toml --twin --auto"),
-        place=50,
-    ),
-)
+OPERATIONS = (Operation("measure", measure, 50),)

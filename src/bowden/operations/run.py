@@ -162,6 +162,11 @@ def run_to_end(
         ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.
         SafetyError: limits that contradict one another, or a drive without an angle that was confirmed by hand.
         DriveError: a bus or drive that cannot be used.
+
+    Examples:
+        bowden run rig.toml
+        bowden run rig.toml --twin --auto --duration 20
+        bowden run rig.toml --law bowden
     """
     from bowden.live.foxglove_process import require
     from bowden.live.operator import ending_signals, operate, refuse_over_ssh, refuse_without_keys
@@ -207,15 +212,4 @@ def _live_data(session: "Session", port: int | None) -> Iterator[None]:
         yield
 
 
-OPERATIONS = (
-    Operation(
-        "run",
-        run_to_end,
-        (
-            "bowden run rig.toml",
-            "bowden run rig.toml --twin --auto --duration 20",
-            "bowden run rig.toml --law bowden",
-        ),
-        place=60,
-    ),
-)
+OPERATIONS = (Operation("run", run_to_end, 60),)

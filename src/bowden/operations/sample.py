@@ -63,6 +63,11 @@ def sample(
     Raises:
         ParameterError: a seed that cannot be.
         OutputError: files that are there already.
+
+    Examples:
+        bowden sample cable .
+        bowden sample emg muscle --seed 7
+        bowden sample suit suit --json
     """
     from bowden.core.caller import argument
     from bowden.core.errors import OutputError, ParameterError
@@ -102,11 +107,4 @@ def _files(kind: SampleKind, seed: int) -> "Mapping[str, SampleFile]":
     return {"suit.toml": rig} | suit_files(seed)
 
 
-OPERATIONS = (
-    Operation(
-        "sample",
-        sample,
-        ("bowden sample cable .", "bowden sample emg muscle --seed 7", "bowden sample suit suit --json"),
-        place=5,
-    ),
-)
+OPERATIONS = (Operation("sample", sample, 5),)

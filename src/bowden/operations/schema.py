@@ -89,7 +89,7 @@ def _rig() -> dict[str, Any]:
 
 def _study() -> dict[str, Any]:
     """Of a study, with a plain number or word wherever a distribution may be."""
-    from bowden.study.schema import StudyFile
+    from bowden.study.file import StudyFile
 
     return _shortened(StudyFile.model_json_schema())
 
@@ -114,8 +114,13 @@ def schema(words: Annotated[list[str] | None, Switch(metavar="[NAME]", place=Tru
 
     Raises:
         ParameterError: there is no schema of that name.
+
+    Examples:
+        bowden schema
+        bowden schema rig
+        bowden schema log info
     """
     return JsonSchema(schema=json_schema(" ".join(words))) if words else Schemas(names())
 
 
-OPERATIONS = (Operation("schema", schema, ("bowden schema", "bowden schema rig", "bowden schema log info"), place=75),)
+OPERATIONS = (Operation("schema", schema, 75),)

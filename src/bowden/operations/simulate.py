@@ -13,8 +13,7 @@ from bowden.records.run_figures import Metrics
 if TYPE_CHECKING:
     from bowden.control import Law
     from bowden.design.verdict import CheckVerdict
-    from bowden.records.trace import Trace
-    from bowden.records.traces import Traces
+    from bowden.records.trace import Trace, Traces
     from bowden.rig.joints import RigJoint
     from bowden.rig.rig import Rig
 
@@ -104,7 +103,7 @@ class Simulation(Result[Any]):
     @property
     def value(self) -> "Trace | Traces":
         """The trace; of a list of laws all of them; of several motors by motor, or ``law-motor`` of a list."""
-        from bowden.records.traces import Traces
+        from bowden.records.trace import Traces
 
         first, *others = self.joints
         if not others and not first.joint.shared:
@@ -153,6 +152,12 @@ def simulate(
     Raises:
         ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.
 
+    Examples:
+        bowden simulate rig.toml
+        bowden simulate rig.toml --law uncompensated --law observer --law adaptive
+        bowden simulate rig.toml --law my_law.py --duration 30 --csv
+        bowden simulate rig.toml --law adaptive --preset paper --force --json
+
     >>> from bowden import Rig, simulate
     >>> trace = simulate(Rig(duration=5.0), "uncompensated")
     >>> trace.metrics().peak_deg > 1.0
@@ -197,7 +202,7 @@ def _of_joint(
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
     from bowden.operations.support import given
-    from bowden.records.traces import Traces
+    from bowden.records.trace import Traces
     from bowden.sim.rig_runs import laws_of, run_of_joint
 
     setup, laws = joint.first.offline(whole=entire), [laws_of(one) for one in under]
@@ -281,16 +286,4 @@ def _felt(rig: "Rig", trace: "Trace") -> FeltTorque | None:
     return FeltTorque(found.rms, found.peak, found.estimate)
 
 
-OPERATIONS = (
-    Operation(
-        "simulate",
-        simulate,
-        (
-            "bowden simulate rig.toml",
-            "bowden simulate rig.toml --law uncompensated --law observer --law adaptive",
-            "bowden simulate rig.toml --law my_law.py --duration 30 --csv",
-            "bowden simulate rig.toml --law adaptive --preset paper --force --json",
-        ),
-        place=30,
-    ),
-)
+OPERATIONS = (Operation("simulate", simulate, 30),)

@@ -2,17 +2,16 @@
 
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from bowden.operations.check import Verdict
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation, Role, Switch
-from bowden.operations.support.results import Result, degrees
+from bowden.operations.support.results import Result, degrees, filled
 from bowden.study.results import JudgedByStudy
 
 if TYPE_CHECKING:
     from bowden.design.tune import BrokenOff
     from bowden.design.tune_result import Tuning
-    from bowden.rig.rig import Rig
 
 
 @dataclass(frozen=True)
@@ -50,6 +49,7 @@ class TuneResult(Result["Tuning"]):
     study: JudgedByStudy | None
     """With --study: what the gains make of plants that they were not tuned against; null without."""
     _: KW_ONLY
+    made: "Tuning"
     motors: tuple[str | None, ...] = (None,)
     """In the gains of which motors these are; None of a rig with one motor."""
     alone: bool = False
@@ -97,6 +97,11 @@ def tune(
             nearest rig for which some do.
         BrokenOff: interrupted; a KeyboardInterrupt whose ``tuning`` has the best gains so far.
 
+    Examples:
+        bowden tune rig.toml
+        bowden tune rig.toml --dry-run --json
+        bowden tune rig.toml --study study.toml
+
     >>> from bowden import Rig, tune
     >>> tuning = tune(Rig(), "adaptive", generations=1)
     >>> tuning.rig.gains == tuning.gains, tuning.found.verdict
@@ -124,8 +129,17 @@ def tune(
             found = search(chosen, path, seed=seed, generations=generations, progress=report)
         except BrokenOff as broken_off:
             found, broken = broken_off.tuning, True
-    return TuneResult(
-        **_figures(found, chosen),
+    return filled(
+        TuneResult,
+        found,
+        rig=chosen.hash,
+        law=found.law.name,
+        preset=None if found.rig.motors else found.rig.preset,
+        gains=dict(found.gains),
+        before={name: found.stood[name] for name in found.gains},
+        verdict=found.found.verdict,
+        verdict_before=found.before.verdict,
+        worst_rmse_before_deg=degrees(found.worst_before),
         made=found,
         motors=shared.names if together and shared is not None else (motor,),
         alone=alone,
@@ -134,34 +148,4 @@ def tune(
     )
 
 
-def _figures(found: "Tuning", rig: "Rig") -> dict[str, Any]:
-    """What was found, angles in degrees."""
-    return {
-        "rig": rig.hash,
-        "law": found.law.name,
-        "preset": None if found.rig.motors else found.rig.preset,
-        "gains": dict(found.gains),
-        "before": {name: found.stood[name] for name in found.gains},
-        "verdict": found.found.verdict,
-        "verdict_before": found.before.verdict,
-        **{name: getattr(found.found, name) for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s")},
-        "worst_rmse_deg": degrees(found.worst_rmse),
-        "worst_rmse_before_deg": degrees(found.worst_before),
-        "short": found.short,
-        "at_bounds": found.at_bounds,
-        "study": found.study,
-    }
-
-
-OPERATIONS = (
-    Operation(
-        "tune",
-        tune,
-        (
-            "bowden tune rig.toml",
-            "bowden tune rig.toml --dry-run --json",
-            "bowden tune rig.toml --study study.toml",
-        ),
-        place=110,
-    ),
-)
+OPERATIONS = (Operation("tune", tune, 110),)

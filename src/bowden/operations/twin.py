@@ -151,6 +151,11 @@ def twin(
     Raises:
         DriveError: a bus that cannot be used, or no twin that runs.
         ParameterError: options that do not go together.
+
+    Examples:
+        bowden twin rig.toml
+        bowden twin rig.toml --status
+        bowden twin rig.toml --inject 'encoder_frozen joint' --after 2 --for 0.5
     """
     from bowden.core.caller import argument
     from bowden.core.errors import ParameterError
@@ -223,12 +228,12 @@ def _run(rig: "Rig", objects: list[str], until_orphaned: bool) -> Iterator[TwinS
 
     (joint,) = rig.each_joint
     drives = played(joint, clock())
-    twins = [family_of(one.drive).twin(one.drive, one.plant, clock, objects) for one in drives]
+    twins = [family_of(drive).twin(drive, plant, clock, objects) for drive, plant in drives]
     for twin, motor in zip(twins, joint.motors, strict=True):
         attach_load_cell(twin, motor.rig)
         if motor.rig.joint_sensor.sensed and motor.rig is joint.first:
             twin.sense(of_twin(motor.rig.joint_sensor, motor.rig.drive), motor.rig.seed)
-    running, drive = twins[0], drives[0].drive
+    running, drive = twins[0], drives[0][0]
 
     def stop() -> None:
         for one in twins:
@@ -263,15 +268,4 @@ def _watch_parent(parent: int, stop: Callable[[], None]) -> None:
     stop()
 
 
-OPERATIONS = (
-    Operation(
-        "twin",
-        twin,
-        (
-            "bowden twin rig.toml",
-            "bowden twin rig.toml --status",
-            "bowden twin rig.toml --inject 'encoder_frozen joint' --after 2 --for 0.5",
-        ),
-        place=130,
-    ),
-)
+OPERATIONS = (Operation("twin", twin, 130),)

@@ -1,5 +1,7 @@
 """The paper's bench and its runs."""
 
+from functools import cache
+
 import bowden
 from bowden.control.knowledge import configured
 from bowden.models.cable.bouc_wen import BoucWen, saturation
@@ -52,7 +54,28 @@ def run_chirp(law: bowden.Law, fit: Calibration | None = None, duration: float =
     return simulate(bench(fit or bench_fit()), law, chirp(), duration=duration, seed=document()["chosen"]["seed"])
 
 
+_LAWS = {
+    "uncompensated": lambda: bowden.LAWS["uncompensated"],
+    "observer": observer,
+    "adaptive": adaptive,
+    "ours": ours,
+}
+
+
+@cache
+def bench_run(law: str, *, moved: bool = False) -> bowden.Trace:
+    """`run_bench` of the law of that name, made once."""
+    return run_bench(_LAWS[law](), moved=moved)
+
+
+@cache
+def chirp_run(law: str) -> bowden.Trace:
+    """`run_chirp` of the law of that name, made once."""
+    return run_chirp(_LAWS[law]())
+
+
 def true_bound(fit: Calibration | None = None) -> float:
     """The true Dm, height of the cable's hysteresis |αh|·gap·max|h| [rad]."""
-    plant = bench(fit or bench_fit())
-    return abs(plant.cable.hysteresis_gain) * plant.sheath.gap * float(saturation(plant.cable))
+    cable, sheath = bench(fit or bench_fit())[:2]
+    assert isinstance(cable, BoucWen)
+    return abs(cable.hysteresis_gain) * sheath.gap * float(saturation(cable))

@@ -6,9 +6,12 @@ import tomllib
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import Any
+from typing import Any, Literal
 
+from bowden.core.documented import Documented
 from bowden.core.errors import ParameterError
+
+Verdict = Literal["fitted", "reproduced", "better", "not determined", "differs", "misprint"]
 
 
 @cache
@@ -47,35 +50,33 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class ClaimResult:
-    """A claim with the figure that we computed."""
+class JudgedClaim(Documented):
+    """A published number and ours."""
 
-    claim: Claim
+    id: str
+    """Such as table1.adaptive.constant."""
+    source: str
+    """Figure, table or equation of the paper."""
+    quantity: str
+    """What it is, in words."""
+    published: float | None
+    """Null where the paper prints no number."""
     computed: float | None
+    """Null where no such figure exists."""
+    interval: tuple[float, float] | None
+    """Range of the figure over plausible calibrations, or over the readings that the text allows; null where there is
+    one value."""
+    unit: str
+    verdict: Verdict
+    fitted: bool
+    """True if the calibration used this number."""
     why: str
-    interval: tuple[float, float] | None = None
-    """Range over the plausible calibrations, or over the readings that the text allows."""
+    """Why the figures differ; given unless the verdict is fitted or reproduced."""
 
     @property
-    def verdict(self) -> str:
-        """One of `bowden.paper.report.VERDICTS`; see `judge`."""
-        return judge(self.claim, self.computed, self.interval)
-
-    def json(self) -> dict[str, Any]:
-        """The claim as the command line prints it."""
-        claim = self.claim
-        return {
-            "id": claim.id,
-            "source": claim.source,
-            "quantity": claim.quantity,
-            "published": claim.published,
-            "computed": self.computed,
-            "interval": None if self.interval is None else list(self.interval),
-            "unit": claim.unit,
-            "verdict": self.verdict,
-            "fitted": claim.fitted,
-            "why": self.why,
-        }
+    def remark(self) -> bool:
+        """True if it is a figure of ours on the paper's equations, with nothing printed beside it."""
+        return self.published is None and self.verdict != "misprint"
 
 
 def claims() -> list[Claim]:
@@ -87,7 +88,7 @@ WIDE = 0.25
 """Half of an interval's width over the published value from which on the paper does not determine the figure [–]."""
 
 
-def judge(claim: Claim, computed: float | None, interval: tuple[float, float] | None = None) -> str:
+def judge(claim: Claim, computed: float | None, interval: tuple[float, float] | None = None) -> Verdict:
     """The verdict: only what was not fitted can count as reproduced, and only what is determined.
 
     >>> judge(Claim("x", "", "", "deg", 1.0, better="lower"), 0.5)
@@ -155,11 +156,6 @@ def select(only: list[str]) -> list[Claim]:
 
 def _matches(identity: str, wanted: str) -> bool:
     return identity == wanted or identity.startswith(wanted.rstrip(".") + ".")
-
-
-def is_remark(claim: Claim) -> bool:
-    """True if it is a figure of ours on the paper's equations, with nothing printed beside it."""
-    return claim.published is None and not claim.misprint
 
 
 def number(value: object) -> str:

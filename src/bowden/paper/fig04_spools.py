@@ -14,14 +14,14 @@ from bowden.models.suit.geometry import (
     size_spools,
 )
 from bowden.paper.calibration import suit_fit
-from bowden.paper.experiment import Finding, Runs
+from bowden.paper.experiment import Finding
 
 _MM = 1e3
 RATIO = 1.66
 """Printed, of the flexor's spool to the extensor's (Section 2.2) [–]."""
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """Eqs 1–2 over 0–90°, and the best ratio of the spools."""
     printed = SuitGeometry()
     b, radius = printed.anchor_distance, printed.joint_radius

@@ -10,9 +10,9 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.units import DEGREES, RADIANS
 from bowden.drawing.style import COLOURS, legend, new_figure
 from bowden.models.cable.backlash import Play
-from bowden.paper.bench import adaptive, run_bench, true_bound
+from bowden.paper.bench import adaptive, bench_run, run_bench, true_bound
 from bowden.paper.calibration import bench_fit, gains
-from bowden.paper.experiment import Finding, Runs
+from bowden.paper.experiment import Finding
 from bowden.paper.plots import time_and_loop
 from bowden.paper.static_plant import StaticRun, static_plant_run
 from bowden.plants.presets import paper
@@ -38,9 +38,9 @@ def static_run(gains: AdaptiveGains, period: float, duration: float = _LONG) -> 
     return static_plant_run(gains, Play(half_width=true_bound() / slope), reference, duration, 1e-3)
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """The adaptive law from rest, its λ and κ by margin; and the printed gains on the static plant."""
-    trace = runs.adaptive
+    trace = bench_run("adaptive")
     late = trace.time >= 10.0
     slower = {kappa: run_bench(adaptive(**(gains("bench") | {"feedback_gain": kappa}))) for kappa in (10.0, 20.0)}
     static = {
@@ -100,18 +100,15 @@ def run(runs: Runs) -> Finding:
             (time_and_loop(trace, COLOURS["adaptive"], "adaptive"), "Adaptive law from rest, estimates starting at 0."),
             (
                 _estimates(static, true_beta),
-                "Estimates under the printed gains on the static plant, period of 4 s, the law counting in "
-                "radians and in "
-                "degrees. Dotted: 1/αφ, and the true height of the hysteresis; dashed: 2.5 s, by when the paper "
-                "has them "
-                "converged.",
+                "Estimates under the printed gains on the static plant, period of 4 s, the law counting in radians "
+                "and in degrees. Dotted: 1/αφ, and the true height of the hysteresis; dashed: 2.5 s, by when the "
+                "paper has them converged.",
             ),
         ],
         text=f"λ = {gains('bench')['error_gain']:g} s and κ = {gains('bench')['feedback_gain']:g} 1/s by margin, at a "
         f"period of {bench_fit().period:g} s: RMSE {rmse(trace.error) * DEGREES:.3f}°, "
-        f"{rmse(trace.error[late]) * DEGREES:.3f}° "
-        f"after 10 s. Our law on the same bench: {rmse(runs.ours.error) * DEGREES:.3f}°. Convergence is the time "
-        "after which "
+        f"{rmse(trace.error[late]) * DEGREES:.3f}° after 10 s. Our law on the same bench: "
+        f"{rmse(bench_run('ours').error) * DEGREES:.3f}°. Convergence is the time after which "
         "the moving mean over one period stays within 5 % of where it ends.",
     )
 

@@ -7,20 +7,19 @@ import numpy as np
 from bowden.core.units import DEGREES
 from bowden.drawing.style import COLOURS, legend, new_figure, thin
 from bowden.paper.bench import adaptive as adaptive_law
-from bowden.paper.bench import run_bench
+from bowden.paper.bench import bench_run, run_bench
 from bowden.paper.calibration import bench_fit, gains
-from bowden.paper.experiment import Finding, Runs
-from bowden.paper.figures_of_merit import dead_zone_deg
-from bowden.paper.plots import loop
+from bowden.paper.experiment import Finding
+from bowden.paper.plots import dead_zone_deg, loop
 from bowden.plants.presets import paper
 from bowden.records.metrics import rmse
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """Observer and adaptive law under the same moved sheath; no gain is changed for it."""
     fit = bench_fit()
     start, end = fit.moved
-    observer, adaptive = runs.observer_moved, runs.adaptive_moved
+    observer, adaptive = bench_run("observer", moved=True), bench_run("adaptive", moved=True)
     soft = adaptive_law(**(gains("bench") | {"feedback_gain": 20.0}))
     loops, (left, right) = new_figure(columns=2, width=8.6, height=4.6)
     for axes, trace, title in ((left, observer, "observer"), (right, adaptive, "adaptive")):
@@ -53,5 +52,5 @@ def run(runs: Runs) -> Finding:
             (loops, "Joint over reference before, while and after the sheath is bent to twice its angle."),
             (errors, "Tracking error of both laws, and the sheath's total bend."),
         ],
-        text=f"Our law on the same bench: {rmse(runs.ours_moved.error) * DEGREES:.3f}° RMS.",
+        text=f"Our law on the same bench: {rmse(bench_run('ours', moved=True).error) * DEGREES:.3f}° RMS.",
     )

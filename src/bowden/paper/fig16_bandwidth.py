@@ -6,22 +6,22 @@ import numpy as np
 
 from bowden.drawing.style import COLOURS, legend, new_figure
 from bowden.models.drive.motor import acceleration_limit
-from bowden.paper.bench import adaptive, run_chirp
+from bowden.paper.bench import adaptive, chirp_run, run_chirp
 from bowden.paper.calibration import bench_fit, gains
-from bowden.paper.experiment import Finding, Runs
-from bowden.paper.figures_of_merit import CHIRP_FREQUENCIES, chirp_gain, closed_loop_bandwidth
+from bowden.paper.experiment import Finding
+from bowden.paper.plots import CHIRP_FREQUENCIES, chirp_gain, closed_loop_bandwidth
 from bowden.plants.presets import paper
 
 PUBLISHED = {"observer": 35.0, "adaptive": 31.0}
 """Closed-loop bandwidths of Section 5.3 [rad/s]."""
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """|joint/reference| of the observer and of the adaptive law."""
     chirp, fit = paper.chirp(), bench_fit()
     figure, (axes,) = new_figure(width=8.6, height=4.2)
     found: dict[str, float | None] = {}
-    for name, trace in (("observer", runs.observer_chirp), ("adaptive", runs.adaptive_chirp)):
+    for name, trace in (("observer", chirp_run("observer")), ("adaptive", chirp_run("adaptive"))):
         decibels = 20.0 * np.log10(chirp_gain(trace, chirp))
         axes.semilogx(2.0 * math.pi * CHIRP_FREQUENCIES, decibels, label=name, color=COLOURS[name])
         axes.axvline(PUBLISHED[name], color=COLOURS[name], linestyle="--", linewidth=0.8)
@@ -31,7 +31,7 @@ def run(runs: Runs) -> Finding:
     legend(axes)
     softer = run_chirp(adaptive(**(gains("bench") | {"feedback_gain": 20.0})), duration=60.0)
     asked = PUBLISHED["adaptive"]
-    above = CHIRP_FREQUENCIES[chirp_gain(runs.adaptive_chirp, chirp) >= math.sqrt(0.5)]
+    above = CHIRP_FREQUENCIES[chirp_gain(chirp_run("adaptive"), chirp) >= math.sqrt(0.5)]
     return Finding(
         title="Bandwidth (Dinh 2017, Fig. 16)",
         values={

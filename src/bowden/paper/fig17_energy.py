@@ -6,15 +6,15 @@ from bowden.control import LAWS
 from bowden.core.units import DEGREES
 from bowden.drawing.style import COLOURS, legend, new_figure, thin
 from bowden.paper.claims import interval
-from bowden.paper.experiment import Finding, PageTable, Runs
-from bowden.paper.suit_rows import BRAKE, DRIVES, RESTS, five_flexions, laws_on, rested
+from bowden.paper.experiment import Finding, PageTable
+from bowden.paper.suit_rows import BRAKE, DRIVES, RESTS, five_flexions, laws_on, rested, suit_fives, suit_uncompensated
 from bowden.records.trace import Trace
 from bowden.sim.suit_runs import NO_BRAKE, each_flexion, energies, largest_errors, suit_adaptive
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """Without compensation (fitted), and under the adaptive law and ours, each on both drives (predicted)."""
-    free, five = runs.suit_uncompensated, runs.suit
+    free, five = suit_uncompensated(), suit_fives()
     adaptive = five["PD", "adaptive"]
     figure, panels = new_figure(rows=3, width=8.6, height=6.0, share_x=True)
     drawn = (
@@ -72,18 +72,15 @@ def run(runs: Runs) -> Finding:
                     + [f"{value:.1f}" for value in (one.mean, one.first, one.last, one.worst)]
                     for (drive, name), one in [(("PD", "uncompensated"), free), *five.items()]
                 ],
-                "Energy of a flexion and extension, and largest errors after the first second: of the mean "
-                "profile, as the "
-                "paper’s Fig. 17 shows it, and of single flexions. Each law on the same drives: PD, as the "
-                "paper’s, and with "
-                f"an integral of {DRIVES['integral']:g} 1/s, as drives that one buys.",
+                "Energy of a flexion and extension, and largest errors after the first second: of the mean profile, "
+                "as the paper’s Fig. 17 shows it, and of single flexions. Each law on the same drives: PD, as the "
+                f"paper’s, and with an integral of {DRIVES['integral']:g} 1/s, as drives that one buys.",
             ),
             _braked(),
         ],
         text="The paper shows the mean of five flexions. The first begins with estimates at zero and is the worst. "
-        "Friction leaves a PD drive’s spool behind its target, which each law has to make up for; an integral in "
-        "the drive "
-        "does that by itself, so that laws can be compared on one drive only.",
+        "Friction leaves a PD drive’s spool behind its target, which each law has to make up for; an integral in the "
+        "drive does that by itself, so that laws can be compared on one drive only.",
     )
 
 
@@ -105,10 +102,9 @@ def _braked() -> PageTable:
         rows,
         "The outlook’s clutch: energy of a flexion and extension, mean of five, without and with a holding brake of "
         f"{BRAKE.holding_torque:g} N·m at the motor that holds without current and takes {BRAKE.released_power:g} W "
-        "while it is released; it engages once the motor’s target has rested for "
-        f"{BRAKE.rest_time:g} s. It pays if it takes less than the power named. The paper’s Fig. 17 has no rests. "
-        "Under the adaptive law the target never rests: the law goes on adapting. Errors are the largest of the last "
-        "three flexions.",
+        f"while it is released; it engages once the motor’s target has rested for {BRAKE.rest_time:g} s. It pays if "
+        "it takes less than the power named. The paper’s Fig. 17 has no rests. Under the adaptive law the target "
+        "never rests: the law goes on adapting. Errors are the largest of the last three flexions.",
     )
 
 

@@ -22,7 +22,7 @@ from bowden.identify.emg.log import read_emg, read_labels
 from bowden.identify.emg.score import Findings, Spans, find
 from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.paper.calibration import suit_fit, values
-from bowden.paper.experiment import Finding, PageTable, Runs
+from bowden.paper.experiment import Finding, PageTable
 from bowden.paper.suit_rows import (
     DRIVES,
     LEARNING,
@@ -130,7 +130,7 @@ def clinic() -> Clinic:
     return Clinic(emg, seen, settings, Asked(references))
 
 
-def run(runs: Runs) -> Finding:
+def run() -> Finding:
     """Under the adaptive law and ours, each on both drives."""
     made, here = clinic(), values()["motion_time"]
     emg, seen, references = made.emg, made.seen, made.asked.references
@@ -169,11 +169,9 @@ def run(runs: Runs) -> Finding:
         figures=[
             (
                 _over_duration(timed),
-                "Largest error after a motion's first second, and the delay until the elbow has moved 0.5°, over "
-                "the duration "
-                "of a motion, which the paper does not print. Dotted: ±5° and 0.2 s, as published. Grey: what "
-                "the reference "
-                "itself needs for 0.5°.",
+                "Largest error after a motion's first second, and the delay until the elbow has moved 0.5°, over the "
+                "duration of a motion, which the paper does not print. Dotted: ±5° and 0.2 s, as published. Grey: "
+                "what the reference itself needs for 0.5°.",
             ),
             (
                 _figure(
@@ -201,11 +199,10 @@ def run(runs: Runs) -> Finding:
             )
         ],
         text=f"EMG: {emg.name}. Our detector finds {len(seen.found)} contractions of {len(emg.labels)}. The paper’s "
-        f"plain threshold crosses {len(seen.plain)} times, but the suit cannot be started again while it moves: with a "
-        "pause of 1 "
-        f"to 2.5 s after each start it fires {with_lockout(seen.plain, 1.0)} times. From a detection the "
-        "reference of 2 s "
-        f"itself takes {1e3 * float(np.argmax(wanted[first:] > MOVED_DEG)) / RATE:.0f} ms to move by {MOVED_DEG}°.",
+        f"plain threshold crosses {len(seen.plain)} times, but the suit cannot be started again while it moves: with "
+        f"a pause of 1 to 2.5 s after each start it fires {with_lockout(seen.plain, 1.0)} times. From a detection the "
+        f"reference of 2 s itself takes {1e3 * float(np.argmax(wanted[first:] > MOVED_DEG)) / RATE:.0f} ms to move by "
+        f"{MOVED_DEG}°.",
     )
 
 

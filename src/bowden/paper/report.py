@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bowden.paper import sensitivity
 from bowden.paper.calibration import parameters
-from bowden.paper.claims import ClaimResult, is_remark, number, plausible_sets, span
+from bowden.paper.claims import JudgedClaim, number, plausible_sets, span
 from bowden.paper.plots import loops
 from bowden.paper.reproduce import Reproduction
 from bowden.report.page import Page
@@ -17,8 +17,7 @@ VERDICTS = {
     "10 % of ours.",
     "better": "Predicted, and better than published in every plausible calibration.",
     "not determined": "What the paper prints does not fix this figure: the interval holds the published one, and "
-    "is wider than "
-    "±25 % of it. The reason names what is missing, or the reading that gives the figure.",
+    "is wider than ±25 % of it. The reason names what is missing, or the reading that gives the figure.",
     "differs": "The published figure lies outside for every plausible calibration and every reading that we found.",
     "misprint": "One corrected value or word mends the figure, and others with it.",
     "fitted": "The calibration used this figure. It proves nothing.",
@@ -78,8 +77,8 @@ def write_report(outcome: Reproduction, path: Path) -> None:
         "Published and computed figures of Dinh et al., Adaptive backlash compensation in upper limb soft wearable "
         "exoskeletons, Robotics and Autonomous Systems 92 (2017).",
     )
-    claims = [result for result in outcome.results if not is_remark(result.claim)]
-    remarks = [result for result in outcome.results if is_remark(result.claim)]
+    claims = [result for result in outcome.results if not result.remark]
+    remarks = [result for result in outcome.results if result.remark]
     page.heading("Summary")
     _summary(page, claims)
     for verdict, title in HEADINGS.items():
@@ -92,8 +91,7 @@ def write_report(outcome: Reproduction, path: Path) -> None:
         page.figure(
             loops(outcome.bench),
             "The bench at constant bend: joint over desired angle in a minute from rest. A perfect law draws the "
-            "dotted "
-            "diagonal.",
+            "dotted diagonal.",
         )
     page.heading("How to read this page")
     page.text(
@@ -103,7 +101,7 @@ def write_report(outcome: Reproduction, path: Path) -> None:
     _definitions(page, SYMBOLS)
     _calibration(page)
     if outcome.earlier:
-        main = {r.claim.id: (r.claim.published, r.computed) for r in claims}
+        main = {r.id: (r.published, r.computed) for r in claims}
         shown = sensitivity.table(outcome.earlier, main)
         page.heading("Sensitivity: two earlier calibrations")
         page.table(shown.header, shown.rows, caption=shown.caption)
@@ -122,31 +120,28 @@ def write_report(outcome: Reproduction, path: Path) -> None:
     page.write(path)
 
 
-def _summary(page: Page, results: Sequence[ClaimResult]) -> None:
+def _summary(page: Page, results: Sequence[JudgedClaim]) -> None:
     """What the paper did, what was done here, and the verdicts system by system."""
     unstable = sum(not math.isfinite(one["fig17.adaptive.error"]) for one in plausible_sets())
     page.text(
         "The paper moves an elbow with a motor worn on the back: two cables run in bent sheaths from the motor’s "
-        "spool to the "
-        "arm. A cable in a sheath has play: when the motor turns round, the joint first stays where it is. The paper "
-        "compares three ways to command the motor (no compensation, an observer with a fixed model of the play, "
-        "and a law "
-        "that adapts) on a test bench and on a suit, which a wearer’s muscle (EMG) also started."
+        "spool to the arm. A cable in a sheath has play: when the motor turns round, the joint first stays where it "
+        "is. The paper compares three ways to command the motor (no compensation, an observer with a fixed model of "
+        "the play, and a law that adapts) on a test bench and on a suit, which a wearer’s muscle (EMG) also started."
     )
     page.text(
         "Here the bench and the suit are simulated. What the paper does not print was fitted to its rows without the "
-        "adaptive law and then frozen; the rows of that law are predicted. "
-        f"{len(plausible_sets())} other sets of plausible values that meet the fitted rows within 5 % give "
-        f"each prediction its interval; {unstable} of them, in which the suit’s loop runs away under gains chosen for "
-        "the main values, are left out of its rows. Under each quantity stand its place in the "
-        "paper and its name for --only and "
-        "--json; symbols are explained further down."
+        f"adaptive law and then frozen; the rows of that law are predicted. {len(plausible_sets())} other sets of "
+        f"plausible values that meet the fitted rows within 5 % give each prediction its interval; {unstable} of "
+        "them, in which the suit’s loop runs away under gains chosen for the main values, are left out of its rows. "
+        "Under each quantity stand its place in the paper and its name for --only and --json; symbols are explained "
+        "further down."
     )
     rows = []
     for system, beginnings in SYSTEMS.items():
-        found = [r.verdict for r in results if r.claim.id.startswith(beginnings)]
+        found = [r.verdict for r in results if r.id.startswith(beginnings)]
         if found:
-            rows.append([system, *(str(found.count(verdict) or "") for verdict in VERDICTS)])
+            rows.append([system, *(str(sum(one == verdict for one in found) or "") for verdict in VERDICTS)])
     total = [str(sum(r.verdict == verdict for r in results) or "") for verdict in VERDICTS]
     page.table(
         ["system", *VERDICTS], [*rows, ["all", *total]], caption="Number of figures by verdict, system by system."
@@ -157,9 +152,8 @@ def _calibration(page: Page) -> None:
     """The one set of physical parameters, with ranges and sources."""
     page.heading("One set of physical parameters")
     page.text(
-        "Bench and suit have one motor, one gear and one servo. Every value that the paper does not print has a "
-        "range in "
-        "which it is plausible; the sets are drawn evenly from these ranges, and the fitted ones fitted again."
+        "Bench and suit have one motor, one gear and one servo. Every value that the paper does not print has a range "
+        "in which it is plausible; the sets are drawn evenly from these ranges, and the fitted ones fitted again."
     )
     page.table(
         ["parameter", "value", "plausible", "unit", "fitted to", "what it is, and source"],
@@ -183,21 +177,20 @@ def _definitions(page: Page, terms: dict[str, str]) -> None:
     page.text(f"<dl>{html}</dl>", **values)
 
 
-def _table(page: Page, results: Sequence[ClaimResult]) -> None:
-    remarks = all(is_remark(result.claim) for result in results)
+def _table(page: Page, results: Sequence[JudgedClaim]) -> None:
+    remarks = all(result.remark for result in results)
     page.table(
         ["quantity", *([] if remarks else ["published"]), "ours", *([] if remarks else ["interval"]), "unit", "why"],
         [
             [
-                f"{claim.quantity}\n{_PAPER}, {claim.source}\n{_breakable(claim.id)}",
-                *([] if remarks else [number(claim.published)]),
+                f"{result.quantity}\n{_PAPER}, {result.source}\n{_breakable(result.id)}",
+                *([] if remarks else [number(result.published)]),
                 number(result.computed),
                 *([] if remarks else [span(result.interval)]),
-                _UNITS.get(claim.unit, claim.unit),
+                _UNITS.get(result.unit, result.unit),
                 result.why,
             ]
             for result in results
-            for claim in (result.claim,)
         ],
         classes=["" if remarks else result.verdict.replace(" ", "-") for result in results],
     )

@@ -2,32 +2,29 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from bowden.paper import (
-    errata_cable,
-    errata_chirp,
-    errata_law,
+    errata,
     fig04_spools,
     fig06_suit,
-    fig09_uncompensated,
-    fig12_observer,
+    fig09_fig12,
     fig13_adaptive,
     fig15_moved,
     fig16_bandwidth,
     fig17_energy,
     fig18_clinic,
+    gain_choice,
     sensitivity,
-    stability_map,
 )
-from bowden.paper.claims import Claim, ClaimResult, interval, is_remark, select
-from bowden.paper.experiment import Experiment, Finding, Runs
+from bowden.paper.bench import bench_run
+from bowden.paper.claims import Claim, JudgedClaim, interval, judge, select
+from bowden.paper.experiment import Experiment, Finding
 from bowden.records.trace import Trace
 
 EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
     "fig4": (fig04_spools.run, ("fig4.", "erratum.spools.")),
-    "fig9": (fig09_uncompensated.run, ("fig9.",)),
-    "fig12": (fig12_observer.run, ("table1.observer.constant",)),
+    "fig9": (fig09_fig12.fig09, ("fig9.",)),
+    "fig12": (fig09_fig12.fig12, ("table1.observer.constant",)),
     "fig13": (
         fig13_adaptive.run,
         ("table1.adaptive.constant", "fig14.", "erratum.convergence.", "erratum.gains.static"),
@@ -37,12 +34,12 @@ EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
     "fig6": (fig06_suit.run, ("fig6.",)),
     "fig17": (fig17_energy.run, ("fig17.",)),
     "fig19": (fig18_clinic.run, ("fig19.",)),
-    "errata_cable": (errata_cable.run, ("erratum.units", "erratum.monotone.", "erratum.gap")),
+    "errata_cable": (errata.cable_errata, ("erratum.units", "erratum.monotone.", "erratum.gap")),
     "errata_law": (
-        errata_law.run,
+        errata.law_errata,
         ("erratum.eq14.", "erratum.gains.pole", "erratum.gains.fastest", "erratum.lyapunov", "erratum.rmse"),
     ),
-    "errata_chirp": (errata_chirp.run, ("erratum.chirp",)),
+    "errata_chirp": (errata.chirp_errata, ("erratum.chirp",)),
 }
 """Name → experiment, and the beginnings of the claims that it computes, in the order of the report."""
 
@@ -51,25 +48,12 @@ EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
 class Reproduction:
     """The judged claims, and what `bowden.paper.report` needs to show them."""
 
-    results: list[ClaimResult]
+    results: list[JudgedClaim]
     findings: list[Finding]
     earlier: dict[str, dict[str, float | None]]
     """What the two earlier calibrations predict, by claim; empty where only a part was asked for."""
     bench: dict[str, Trace]
     """The bench's runs at constant bend, by their laws; empty where only a part was asked for."""
-
-    def json(self) -> dict[str, Any]:
-        """Claims, remarks on the equations, and the earlier calibrations, as the command line prints them."""
-        claims, remarks = (
-            [result.json() for result in self.results if is_remark(result.claim) == remark] for remark in (False, True)
-        )
-        hidden = ("verdict", "published", "fitted", "interval")
-        remarks = [{key: value for key, value in one.items() if key not in hidden} for one in remarks]
-        calibrations = [
-            {"id": claim, **{name: found[claim] for name, found in self.earlier.items()}}
-            for claim in (sensitivity.ROWS if self.earlier else ())
-        ]
-        return {"claims": claims, "remarks": remarks, "calibrations": calibrations}
 
 
 def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] | None = None) -> Reproduction:
@@ -89,24 +73,24 @@ def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] |
         if any(claim.id.startswith(beginnings) for claim in wanted)
     }
     steps = len(needed) + (0 if only else 2)
-    runs, findings = Runs(), []
+    findings = []
     for done, (name, experiment) in enumerate(needed.items()):
         if progress is not None:
             progress(name, done / steps)
-        findings.append(experiment(runs))
+        findings.append(experiment())
     bench: dict[str, Trace] = {}
     earlier: dict[str, dict[str, float | None]] = {}
     if not only:
-        bench = {"uncompensated": runs.uncompensated, "observer": runs.observer, "adaptive": runs.adaptive}
+        bench = {law: bench_run(law) for law in ("uncompensated", "observer", "adaptive")}
         if progress is not None:
             progress("stability map", (steps - 2) / steps)
-        findings.append(stability_map.run(runs))
+        findings.append(gain_choice.run())
         if progress is not None:
             progress("earlier calibrations", (steps - 1) / steps)
         earlier = sensitivity.earlier()
     if progress is not None:
         progress("done", 1.0)
-    return Reproduction([_judge(claim, findings) for claim in wanted], findings, earlier, bench)
+    return Reproduction([_judged(claim, findings) for claim in wanted], findings, earlier, bench)
 
 
 def claims_of(only: Sequence[str]) -> list[str]:
@@ -117,9 +101,11 @@ def claims_of(only: Sequence[str]) -> list[str]:
     return [claim for name in only for claim in shown.get(name, [name])]
 
 
-def _judge(claim: Claim, findings: list[Finding]) -> ClaimResult:
+def _judged(claim: Claim, findings: list[Finding]) -> JudgedClaim:
     for finding in findings:
         if claim.id in finding.values:
             over = finding.intervals.get(claim.id) or (None if claim.fitted else interval(claim.id))
-            return ClaimResult(claim, finding.values[claim.id], claim.why.format(**finding.details), over)
+            computed, why = finding.values[claim.id], claim.why.format(**finding.details)
+            said = (claim.id, claim.source, claim.quantity, claim.published, computed, over, claim.unit)
+            return JudgedClaim(*said, judge(claim, computed, over), claim.fitted, why)
     raise LookupError(f"no experiment computes {claim.id}")

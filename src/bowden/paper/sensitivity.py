@@ -5,7 +5,7 @@ from bowden.control.law import Law
 from bowden.core.units import DEGREES
 from bowden.paper.bench import adaptive, run_bench, run_chirp
 from bowden.paper.experiment import PageTable
-from bowden.paper.figures_of_merit import closed_loop_bandwidth
+from bowden.paper.plots import closed_loop_bandwidth
 from bowden.paper.suit_rows import five_flexions, motions_of
 from bowden.plants.presets import paper
 from bowden.plants.presets.paper import calibration
@@ -62,6 +62,5 @@ def table(found: dict[str, dict[str, float | None]], main: dict[str, tuple[float
             for claim, what in ROWS.items()
         ],
         "First: a drive that never saturates, a = 35 mm. Second: also an observer that knows its cable exactly "
-        "(period of "
-        "3.9 s), and an integral in the suit’s drive. All meet the fitted rows.",
+        "(period of 3.9 s), and an integral in the suit’s drive. All meet the fitted rows.",
     )

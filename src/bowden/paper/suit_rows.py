@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -110,6 +111,22 @@ def five_flexions(law: Law, integral: float | None = None, fit: SuitCalibration 
         float(largest.max()),
         float(largest[-1]),
     )
+
+
+@cache
+def suit_uncompensated() -> Five:
+    """Fig. 17 without compensation, made once."""
+    return five_flexions(LAWS["uncompensated"])
+
+
+@cache
+def suit_fives() -> dict[tuple[str, str], Five]:
+    """Fig. 17 by drive and law: PD and integral, the adaptive law and ours; made once."""
+    return {
+        (drive, name): five_flexions(law, integral)
+        for drive, integral in DRIVES.items()
+        for name, law in laws_on(drive).items()
+    }
 
 
 BRAKE = HoldingBrake(holding_torque=0.15)

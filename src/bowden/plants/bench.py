@@ -1,4 +1,4 @@
-"""The bench as one plant: servo, cable in its sheath, and the distal spring (Fig. 7A)."""
+"""The bench as one plant: servo, any cable in its sheath, and the distal spring, which may lag (Fig. 7A)."""
 
 import math
 from typing import Any, NamedTuple
@@ -7,29 +7,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel
-from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
-from bowden.models.cable.sheath import Sheath, joint_in_sheath, slope_factor
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.cable.sheath import Sheath, slope_factor
 from bowden.models.drive.encoder import Encoder
-from bowden.models.drive.motor import Motor, acceleration_limit, current
-from bowden.models.drive.servo import (
-    Servo,
-    ServoState,
-    ServoStep,
-    prepare_steps,
-    servo_acceleration,
-    servo_approach,
-    servo_is_free,
-    servo_turn,
+from bowden.models.drive.motor import Motor, acceleration_limit
+from bowden.models.drive.servo import Servo, prepare_steps
+from bowden.plants.bench_body import (
+    BENCH_COLUMNS,
+    Moving,
+    bench_columns,
+    bench_moved,
+    bench_rest,
+    spring_current,
+    torque_current,
 )
+from bowden.plants.cable import Cable, bouc_wen
 from bowden.plants.plant import (
     Dynamics,
     SheathPath,
-    SheathState,
     check_numbers,
     draw_for_encoders,
+    motor_for,
     plain,
     read_encoders,
+    sheath_state,
 )
 
 Array = NDArray[np.float64]
@@ -38,7 +39,8 @@ Array = NDArray[np.float64]
 class Bench(NamedTuple):
     """All that the bench is made of."""
 
-    cable: BoucWen = BoucWen()
+    cable: BoucWen | Cable = BoucWen()
+    """The paper's, of which laws and checks know formulas, or any other of `bowden.plants.cables`."""
     sheath: Sheath = Sheath()
     servo: Servo = Servo()
     motor: Motor = Motor()
@@ -50,22 +52,35 @@ class Bench(NamedTuple):
     """Cycles between a sample and the moment its command reaches the servo [–]."""
     substeps: int = 10
     """Plant sub-steps in one cycle, where one exact step will not do [–]."""
+    load_lag: float = 0.0
+    """Time constant with which the joint follows the cable's end; 0 for none [s]."""
+
+    @property
+    def simulated_cable(self) -> Cable:
+        """The cable with its kernels.
+
+        Raises:
+            ParameterError: one whose h has no bound.
+        """
+        return bouc_wen(self.cable) if isinstance(self.cable, BoucWen) else self.cable
 
     def dynamics(self) -> Dynamics:
         """See `Plant.dynamics`.
 
         Raises:
-            ParameterError: a part that cannot be.
+            ParameterError: a part that cannot be, or a sheath that loses what the cable itself loses.
         """
+        cable = self.simulated_cable
         return Dynamics(
-            "bench",
+            cable.name,
             prepare_bench(self),
             bench_rest,
-            bench_advance,
+            bench_moved,
             read_encoders,
-            bench_effort,
+            torque_current if cable.physical else spring_current,
             BENCH_COLUMNS,
-            bench_look,
+            bench_columns,
+            {"cable_start": cable.start, "cable_advance": cable.advance, "cable_look": cable.look},
         )
 
     def draw(self, seed: int, out: Array) -> None:
@@ -77,183 +92,53 @@ class Bench(NamedTuple):
         return {"width": path.widths[:-1], "slope": path.slope_factors[:-1] * self.cable.slope}
 
     def resting_motor(self, joint: float, bend: float | None = None) -> float:
-        """See `Plant.resting_motor`: with h = 0.
+        """See `Plant.resting_motor`; of a Bouc–Wen cable with h = 0.
 
         Raises:
-            ParameterError: a cable whose slope is 0.
+            ParameterError: a cable whose slope is 0, or that has its joint there at no motor angle.
         """
-        slope = self.cable.slope * float(slope_factor(self.sheath.bend if bend is None else bend, self.sheath))
-        if slope == 0.0:
-            raise ParameterError("bench: the cable's slope is 0", expected="a cable that moves the joint")
-        return (joint - self.cable.offset) / slope
+        bend = self.sheath.bend if bend is None else bend
+        if isinstance(self.cable, BoucWen):
+            slope = self.cable.slope * float(slope_factor(bend, self.sheath))
+            if slope == 0.0:
+                raise ParameterError("bench: the cable's slope is 0", expected="a cable that moves the joint")
+            return (joint - self.cable.offset) / slope
+        cable, sheath = self.cable, sheath_state(self.sheath, bend)
+
+        def joint_at(motor: float) -> float:
+            memory = cable.start(cable.prepared, motor, sheath.width, sheath.slope_factor)
+            return float(cable.look(cable.prepared, memory, motor, sheath.width, sheath.slope_factor).joint)
+
+        return motor_for(joint, joint_at, joint / (cable.slope * sheath.slope_factor) + 1e-3, cable.name)
 
     def describe(self) -> dict[str, Any]:
         """See `Plant.describe`."""
-        return dict(plain(self))
+        found: dict[str, Any] = plain(self)
+        if isinstance(self.cable, Cable):
+            found["cable"] = {"kind": self.cable.name, **plain(self.cable.parameters)}
+        return found
 
 
-class BenchStep(NamedTuple):
-    """A bench prepared for one length of cycle and of sub-step."""
-
-    cable: BoucWen
-    hysteresis: PreparedCable
-    servo: ServoStep
-    """Over one sub-step."""
-    cycle: ServoStep
-    """Over one cycle; see `ServoSteps`."""
-    motor: Motor
-    joint_encoder: Encoder
-    motor_encoder: Encoder
-    substeps: int
-    """In one cycle [–]."""
-
-
-class BenchState(NamedTuple):
-    """Where everything is."""
-
-    motor: ServoState
-    h: float
-    """The cable's hysteresis variable [–]."""
-    joint: float
-    """Joint angle [rad]."""
-
-
-class BenchColumns(NamedTuple):
-    """Columns of a trace of the bench; `BENCH_COLUMNS` has the units."""
-
-    joint: float
-    motor: float
-    motor_velocity: float
-    motor_acceleration: float
-    h: float
-
-
-BENCH_COLUMNS = {"joint": "rad", "motor": "rad", "motor_velocity": "rad/s", "motor_acceleration": "rad/s²", "h": "1"}
-"""Of a bench, and of a plant round any cable."""
-
-
-def prepare_bench(bench: Bench) -> BenchStep:
+def prepare_bench(bench: Bench) -> Moving:
     """The bench ready to be moved; the servo's acceleration limit is the motor's current limit if that is lower.
 
     Raises:
-        ParameterError: a part that cannot be.
+        ParameterError: a part that cannot be, or a sheath that loses what the cable itself loses.
     """
-    check_numbers(bench, "bench")
-    check_bouc_wen(bench.cable, "bench")
-    if bench.substeps < 1:
-        raise ParameterError(f"bench: substeps is {bench.substeps}", expected="1 or more")
+    parameters = bench.cable if isinstance(bench.cable, BoucWen) else bench.cable.parameters
+    check_numbers(bench._replace(cable=parameters), "bench")
+    cable, slope = bench.simulated_cable, float(bench.cable.slope)
+    if not (bench.load_lag >= 0.0 and bench.substeps >= 1 and math.isfinite(slope) and slope != 0.0):
+        raise ParameterError(
+            f"bench: load_lag {bench.load_lag}, substeps {bench.substeps}, slope of the cable {slope:g}",
+            expected="not below 0, 1 or more, and a cable that moves the joint",
+        )
+    if cable.physical and bench.sheath.loss != 0.0:
+        raise ParameterError(
+            f"bench: the sheath's loss is {bench.sheath.loss} with a cable of the kind {cable.name!r}",
+            expected="0, since that cable computes what its sheath loses",
+        )
     limit = min(bench.servo.acceleration_limit, acceleration_limit(bench.motor))
-    servo = bench.servo._replace(acceleration_limit=limit)
-    steps = prepare_steps(servo, bench.sample_time, bench.substeps)
-    encoders = bench.joint_encoder, bench.motor_encoder
-    return BenchStep(bench.cable, prepare_cable(bench.cable), *steps, bench.motor, *encoders, bench.substeps)
-
-
-def check_bouc_wen(cable: BoucWen, where: str) -> None:
-    """Refuse a cable whose h has no bound.
-
-    Raises:
-        ParameterError: ρ, n or σ out of its range.
-    """
-    for name, least in (("rate", 0.0), ("shape", 0.5), ("exponent", 0.0)):
-        value = getattr(cable, name)
-        if not least < value < math.inf:
-            raise ParameterError(f"{where}: the cable's {name} is {value:g}", expected=f"a number above {least:g}")
-
-
-@kernel
-def bench_rest(bench: BenchStep, motor: float, sheath: SheathState) -> BenchState:
-    """See `bowden.plants.plant`; with h = 0."""
-    return bench_at(bench, ServoState(motor, 0.0, 0.0), 0.0, sheath.width, sheath.slope_factor)
-
-
-@kernel
-def bench_advance(
-    bench: BenchStep, body: BenchState, applied: float, sheath: SheathState, next_sheath: SheathState
-) -> BenchState:
-    """See `bowden.plants.plant` and `bench_moved`."""
-    return bench_moved(bench, body, applied, sheath.width, next_sheath.width, next_sheath.slope_factor, bench.substeps)
-
-
-@kernel
-def bench_effort(bench: BenchStep, body: BenchState, sheath: SheathState) -> float:
-    """The current that accelerates the spool and holds the bench's spring [A]."""
-    return current(body.motor.acceleration, body.joint, sheath.slope_factor * bench.cable.slope, bench.motor)
-
-
-@kernel
-def bench_look(bench: BenchStep, body: BenchState) -> BenchColumns:
-    """See `bowden.plants.plant`."""
-    motor = body.motor
-    return BenchColumns(body.joint, motor.position, motor.velocity, motor.acceleration, body.h)
-
-
-@kernel
-def bench_at(bench: BenchStep, motor: ServoState, h: float, width: float, slope_factor: float) -> BenchState:
-    """The bench with its motor and its cable's h where they are, in a sheath of that width and slope factor."""
-    return BenchState(motor, h, joint_in_sheath(motor.position, h, width, slope_factor, bench.cable))
-
-
-@kernel
-def bench_moved(
-    bench: BenchStep, plant: BenchState, applied: float, width: float, next_width: float, factor: float, substeps: int
-) -> BenchState:
-    """The bench one cycle later under the command `applied` [rad], in a sheath whose width goes straight to the next.
-
-    The cable does not know time: only where the motor turns has its travel to be cut. A servo that meets no limit is
-    taken through the whole cycle in one exact step, and through its turn, if there is one. `factor` is the slope's at
-    the end of the cycle.
-    """
-    offset, velocity = plant.motor.position - applied, plant.motor.velocity
-    if not servo_is_free(offset, velocity, bench.cycle):
-        return _bench_in_substeps(bench, plant, applied, width, next_width, factor, substeps)
-    servo, h = bench.cycle, plant.h
-    moved = servo.xx * offset + servo.xv * velocity
-    speed = servo.vx * offset + servo.vv * velocity
-    if speed * velocity < 0.0:
-        turn, time = servo_turn(offset, velocity, servo)
-        turn_width = width + (next_width - width) * time / servo.dt
-        h = advance_prepared(h, _travel(turn - offset, -velocity, time, width, turn_width), bench.hysteresis)
-        travel = _travel(moved - turn, speed, servo.dt - time, turn_width, next_width)
-    else:
-        travel = _travel(moved - offset, speed - velocity, servo.dt, width, next_width)
-    h = advance_prepared(h, travel, bench.hysteresis)
-    motor = ServoState(moved + applied, speed, servo_acceleration(moved, speed, servo))
-    return bench_at(bench, motor, h, next_width, factor)
-
-
-@kernel
-def _travel(way: float, faster: float, time: float, width: float, next_width: float) -> float:
-    """∫dm/w over a `way` [rad] in which the motor gains speed evenly, `faster` in all [rad/s], while w goes straight.
-
-    About the middle of the time 1/w = (1 − x + x²)/w_m with x = w'·(t − t_m)/w_m; what is left out is of third order.
-    """
-    if next_width == width:  # a still sheath is spared all this
-        return way * (1.0 / width)  # the sheath is known before the way
-    middle = 0.5 * (width + next_width)
-    growth = (next_width - width) / middle
-    return (way * (1.0 + growth * growth / 12.0) - growth * faster * time / 12.0) / middle
-
-
-@kernel
-def _bench_in_substeps(
-    bench: BenchStep, plant: BenchState, applied: float, width: float, next_width: float, factor: float, substeps: int
-) -> BenchState:
-    """`bench_moved` for a servo at its limits, or one that is quick beside the cycle: it turns at ends of sub-steps."""
-    offset, velocity = plant.motor.position - applied, plant.motor.velocity
-    before, h, travel = velocity, plant.h, 0.0
-    widening = (next_width - width) / substeps
-    inverse_width = 1.0 / width
-    for i in range(substeps):
-        before = velocity
-        moved, velocity = servo_approach(offset, velocity, bench.servo)
-        if widening != 0.0:  # spares a still sheath the division
-            inverse_width = 1.0 / (width + (i + 1.0) * widening)
-        piece = (moved - offset) * inverse_width
-        if piece * travel < 0.0:
-            h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
-        travel += piece
-        offset = moved
-    h = advance_prepared(h, travel, bench.hysteresis)
-    motor = ServoState(offset + applied, velocity, (velocity - before) / bench.servo.dt)
-    return bench_at(bench, motor, h, next_width, factor)
+    steps = prepare_steps(bench.servo._replace(acceleration_limit=limit), bench.sample_time, bench.substeps)
+    encoders, lag = (bench.joint_encoder, bench.motor_encoder), float(bench.load_lag)
+    return Moving(cable.prepared, steps, bench.sample_time, lag, slope, bench.motor, *encoders, bench.substeps)

@@ -1,4 +1,4 @@
-"""Cables for `CablePlant`: plays, alone, in a stack and between bent branches, Bouc–Wen, and each by its name."""
+"""Cables for a bench: plays, alone, in a stack and between bent branches, and each by its name."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from bowden.core.errors import ParameterError, near
 from bowden.core.kernel import kernel
 from bowden.models.cable.backlash import Play, push
-from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable, saturation, upright
-from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
+from bowden.models.cable.bouc_wen import BoucWen, saturation, upright
+from bowden.models.cable.bouc_wen_static import StaticTerms
 from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.generalised_play import Branches, joined, mean_branch, push_slots
 from bowden.models.cable.lumped_cable import LumpedTendon
-from bowden.plants.bench import Bench, check_bouc_wen
-from bowden.plants.cable_body import Seen
-from bowden.plants.cable_plant import Cable, CablePlant
+from bowden.plants.bench import Bench
+from bowden.plants.cable import Cable, Seen, bouc_wen
 from bowden.plants.friction_cables import lumped, sliding
 from bowden.plants.predicted import branches_of, numbered, whole_slope
 from bowden.plants.scheduled_cable import scheduled
@@ -52,7 +51,7 @@ def stack_start(cable: Stack, motor: float, width: float, slope_factor: float) -
 
 @kernel
 def stack_advance(
-    cable: Stack, memory: Slots, before: float, after: float, width: float, slope_factor: float, dt: float
+    cable: Stack, memory: Slots, before: float, after: float, scaled: float, width: float, dt: float
 ) -> Slots:
     """Every slot, `width` times as wide, pushed by the motor; in place."""
     for i in range(memory.z.size):
@@ -77,7 +76,7 @@ def branches_start(cable: Branches, motor: float, width: float, slope_factor: fl
 
 @kernel
 def branches_advance(
-    cable: Branches, memory: Slots, before: float, after: float, width: float, slope_factor: float, dt: float
+    cable: Branches, memory: Slots, before: float, after: float, scaled: float, width: float, dt: float
 ) -> Slots:
     """Every z pushed by the branches, `width` times as far apart; in place."""
     push_slots(memory.z, after, width, cable)
@@ -88,41 +87,6 @@ def branches_advance(
 def branches_look(cable: Branches, memory: Slots, motor: float, width: float, slope_factor: float) -> Seen:
     """See `bowden.models.cable.generalised_play`."""
     return Seen(joined(memory.z, motor, slope_factor, cable), np.nan, np.nan)
-
-
-class Bent(NamedTuple):
-    """A Bouc–Wen cable with its static terms."""
-
-    cable: BoucWen
-    terms: StaticTerms
-    hysteresis: PreparedCable
-
-
-class Hysteresis(NamedTuple):
-    """The Bouc–Wen cable's memory."""
-
-    h: float
-    """[–]"""
-
-
-@kernel
-def bent_start(cable: Bent, motor: float, width: float, slope_factor: float) -> Hysteresis:
-    """At rest with h = 0."""
-    return Hysteresis(0.0)
-
-
-@kernel
-def bent_advance(
-    cable: Bent, memory: Hysteresis, before: float, after: float, width: float, slope_factor: float, dt: float
-) -> Hysteresis:
-    """Eq. 7 over the motor's travel, the play being `width` times as wide."""
-    return Hysteresis(advance_prepared(memory.h, (after - before) / width, cable.hysteresis))
-
-
-@kernel
-def bent_look(cable: Bent, memory: Hysteresis, motor: float, width: float, slope_factor: float) -> Seen:
-    """See `bowden.models.cable.bouc_wen_static`."""
-    return Seen(joint_angle(motor, memory.h, width, slope_factor, cable.cable, cable.terms), np.nan, memory.h)
 
 
 def play(parameters: Play | None = None) -> Cable:
@@ -177,28 +141,6 @@ def generalised_play(cable: Branches) -> Cable:
     return Cable("generalised_play", cable, cable, branches_start, branches_advance, branches_look, cable.slope)
 
 
-class BoucWenParameters(NamedTuple):
-    """Parameters of a Bouc–Wen cable of this file."""
-
-    cable: BoucWen
-    terms: StaticTerms
-
-
-def bouc_wen(cable: BoucWen | None = None, terms: StaticTerms | None = None) -> Cable:
-    """The bench's Bouc–Wen cable, with static terms if they are given (then it is called ``bouc_wen_static``).
-
-    Raises:
-        ParameterError: a half range that is not above 0, or a cable whose h has no bound.
-    """
-    cable, name = cable or BoucWen(), "bouc_wen" if terms is None else "bouc_wen_static"
-    terms = terms or StaticTerms(np.zeros(0), np.zeros(0), 0.0, 1.0)
-    if not terms.half_range > 0.0:
-        raise ParameterError(f"bouc_wen_static: half_range is {terms.half_range}", expected="a number above 0")
-    check_bouc_wen(cable, name)
-    prepared = Bent(cable, terms, prepare_cable(cable))
-    return Cable(name, BoucWenParameters(cable, terms), prepared, bent_start, bent_advance, bent_look, cable.slope)
-
-
 def identified(name: str, parameters: Mapping[str, float]) -> Cable:
     """The cable of a model that `bowden identify` has found.
 
@@ -223,11 +165,10 @@ def identified(name: str, parameters: Mapping[str, float]) -> Cable:
         ) from None
 
 
-def plant_of_model(name: str, parameters: Mapping[str, float], bench: Bench) -> Bench | CablePlant:
-    """The plant that an identified model makes of a bench: its servo, motor, encoders, sheath and clock stay.
+def plant_of_model(name: str, parameters: Mapping[str, float], bench: Bench) -> Bench:
+    """A bench with the cable of an identified model: its servo, motor, encoders, sheath and clock stay.
 
-    The plain Bouc–Wen cable is the bench itself, which has an exact step of its own; any other is a plant round its
-    cable. Each is turned round where it runs backwards, see `identified`.
+    A cable that runs backwards is turned round, see `identified`.
 
     Args:
         name: the model's.
@@ -242,10 +183,10 @@ def plant_of_model(name: str, parameters: Mapping[str, float], bench: Bench) -> 
     if bent:
         cable = scheduled(parameters, "bend", bench.sheath)
     if name == "bouc_wen":
-        return bench._replace(cable=cable.parameters.cable)
-    plant = as_cable_plant(bench)._replace(cable=cable)
+        return bench._replace(cable=cable.parameters)
     # a physical cable computes what its sheath loses, and one scheduled by the bend was measured with it
-    return plant._replace(sheath=bench.sheath._replace(loss=0.0)) if cable.physical or bent else plant
+    sheath = bench.sheath._replace(loss=0.0) if cable.physical or bent else bench.sheath
+    return bench._replace(cable=cable, sheath=sheath)
 
 
 def bouc_wen_like(cable: Cable) -> BoucWen:
@@ -257,18 +198,10 @@ def bouc_wen_like(cable: Cable) -> BoucWen:
     angles = np.concatenate([way, way[-2::-1]]).tolist()
     memory, joints = cable.start(cable.prepared, 0.0, 1.0, 1.0), [0.0]
     for before, after in itertools.pairwise(angles):
-        memory = cable.advance(cable.prepared, memory, before, after, 1.0, 1.0, _SWEEP_STEP)
+        memory = cable.advance(cable.prepared, memory, before, after, after - before, 1.0, _SWEEP_STEP)
         joints.append(float(cable.look(cable.prepared, memory, after, 1.0, 1.0).joint))
     height, like = abs(joints[_SWEEP // 2] - joints[-1 - _SWEEP // 2]), BoucWen()
     return like._replace(slope=float(cable.slope), hysteresis_gain=-0.5 * height / float(saturation(like)))
-
-
-def as_cable_plant(bench: Bench | CablePlant) -> CablePlant:
-    """The bench as a plant round its own cable; the same motion, but for what the compiler calls it."""
-    if isinstance(bench, CablePlant):
-        return bench
-    parts = {name: part for name, part in bench._asdict().items() if name != "cable"}
-    return CablePlant(bouc_wen(bench.cable), **parts)
 
 
 def moved(name: str, parameters: Mapping[str, float], motor: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -280,7 +213,8 @@ def moved(name: str, parameters: Mapping[str, float], motor: NDArray[np.float64]
     cable = identified(name, parameters)
     memory, joints = cable.start(cable.prepared, float(motor[0]), 1.0, 1.0), np.empty(len(motor))
     for i, after in enumerate(motor.tolist()):
-        memory = cable.advance(cable.prepared, memory, float(motor[max(i - 1, 0)]), after, 1.0, 1.0, 0.01)
+        before = float(motor[max(i - 1, 0)])
+        memory = cable.advance(cable.prepared, memory, before, after, after - before, 1.0, 0.01)
         joints[i] = cable.look(cable.prepared, memory, after, 1.0, 1.0).joint
     return joints
 

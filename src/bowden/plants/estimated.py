@@ -6,7 +6,6 @@ systematic error that bends over the range, and a drift of constant speed, eithe
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -14,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.source import Measurement
-from bowden.core.kernel import cos, kernel, placeholder, sin
-from bowden.core.signals import Sample
-from bowden.plants.plant import Dynamics, SheathState, plain
+from bowden.core.kernel import cos, kernel, sin
+from bowden.models.drive.encoder import Encoder
+from bowden.plants.plant import Dynamics, plain
+from bowden.plants.settled_estimate import settled_estimate
 from bowden.sensing.joint_angle import LENGTH, History, JointEstimate, JointModel, estimate_start, estimate_step
 
 Array = NDArray[np.float64]
@@ -25,46 +25,6 @@ BENDS = 2.0
 """The systematic error's waves over the joint's angle [1/rad]."""
 DRAWN = 4
 """Normal numbers of the sensor: noise in each cycle, and for a run two of the systematic error and the drift."""
-
-
-@placeholder
-def inner_rest(plant: Any, motor: float, sheath: SheathState) -> Any:
-    """Placeholder for the plant's own ``rest``."""
-    raise NotImplementedError  # always replaced
-
-
-@placeholder
-def inner_advance(plant: Any, body: Any, applied: float, sheath: SheathState, next_sheath: SheathState) -> Any:
-    """Placeholder for the plant's own ``advance``."""
-    raise NotImplementedError  # always replaced
-
-
-@placeholder
-def inner_observe(plant: Any, body: Any, normals: Array) -> tuple[Any, Measurement]:
-    """Placeholder for the plant's own ``observe``."""
-    raise NotImplementedError  # always replaced
-
-
-@placeholder
-def inner_effort(plant: Any, body: Any, sheath: SheathState) -> float:
-    """Placeholder for the plant's own ``effort``."""
-    raise NotImplementedError  # always replaced
-
-
-@placeholder
-def inner_look(plant: Any, body: Any) -> Any:
-    """Placeholder for the plant's own ``look``."""
-    raise NotImplementedError  # always replaced
-
-
-class EstimatedStep(NamedTuple):
-    """Argument of the kernels."""
-
-    inner: Any
-    """Of the plant's own."""
-    model: JointModel
-    dt: float
-    """Length of a cycle [s]."""
 
 
 class SensorRun(NamedTuple):
@@ -76,10 +36,9 @@ class SensorRun(NamedTuple):
     """The joint at its last samplings, the newest last [rad]."""
 
 
-class EstimatedBody(NamedTuple):
-    """The plant, its joint's sensor and the estimate."""
+class EstimateRun(NamedTuple):
+    """The joint's sensor, and the estimate."""
 
-    inner: Any
     sensor: SensorRun
     estimate: JointEstimate
 
@@ -117,50 +76,21 @@ def sensor_step(
 
 
 @kernel
-def estimated_rest(plant: EstimatedStep, motor: float, sheath: SheathState) -> EstimatedBody:
-    """See `bowden.plants.plant`."""
-    inner = inner_rest(plant.inner, motor, sheath)
-    joint = inner_look(plant.inner, inner).joint
+def estimated_start(model: JointModel, joint: float, motor: float) -> EstimateRun:
+    """See `bowden.plants.plant.joint_start`."""
     sampled = (joint, joint, joint, joint, joint, joint, joint, joint)
-    return EstimatedBody(inner, SensorRun(0.0, sampled), estimate_start(plant.model, motor))
+    return EstimateRun(SensorRun(0.0, sampled), estimate_start(model, motor))
 
 
 @kernel
-def estimated_advance(
-    plant: EstimatedStep, body: EstimatedBody, applied: float, sheath: SheathState, next_sheath: SheathState
-) -> EstimatedBody:
-    """See `bowden.plants.plant`."""
-    inner = inner_advance(plant.inner, body.inner, applied, sheath, next_sheath)
-    return EstimatedBody(inner, body.sensor, body.estimate)
-
-
-@kernel
-def estimated_observe(plant: EstimatedStep, body: EstimatedBody, normals: Array) -> tuple[EstimatedBody, Measurement]:
-    """See `bowden.plants.plant`: the estimate in place of the joint's encoder."""
-    inner, read = inner_observe(plant.inner, body.inner, normals)
-    joint, own = inner_look(plant.inner, inner).joint, normals[normals.size - DRAWN :]
-    sensor, value = sensor_step(plant.model, body.sensor, joint, own, plant.dt)
-    estimate = estimate_step(plant.model, body.estimate, read.motor, value, plant.dt)
+def estimated_sense(
+    model: JointModel, before: EstimateRun, read: Measurement, joint: float, normals: Array, dt: float
+) -> tuple[EstimateRun, Measurement]:
+    """See `bowden.plants.plant.joint_sense`: the estimate in place of the joint's encoder."""
+    sensor, value = sensor_step(model, before.sensor, joint, normals[normals.size - DRAWN :], dt)
+    estimate = estimate_step(model, before.estimate, read.motor, value, dt)
     measured = Measurement(estimate.angle, read.motor, read.current, read.load, estimate.age, estimate.std)
-    return EstimatedBody(inner, sensor, estimate), measured
-
-
-@kernel
-def estimated_sample(measured: Measurement) -> Sample:
-    """See `bowden.plants.plant.plant_sample`: the estimate, with its age and its standard deviation."""
-    return Sample(measured.joint, measured.motor, measured.joint_age, measured.joint_std)
-
-
-@kernel
-def estimated_effort(plant: EstimatedStep, body: EstimatedBody, sheath: SheathState) -> float:
-    """See `bowden.plants.plant`."""
-    return inner_effort(plant.inner, body.inner, sheath)
-
-
-@kernel
-def estimated_look(plant: EstimatedStep, body: EstimatedBody) -> Any:
-    """See `bowden.plants.plant`: the plant as it truly is."""
-    return inner_look(plant.inner, body.inner)
+    return EstimateRun(sensor, estimate), measured
 
 
 @dataclass(frozen=True)
@@ -170,6 +100,14 @@ class Estimated:
     inner: Any
     model: JointModel
 
+    @property
+    def joint_encoder(self) -> Encoder:
+        """See `Plant.joint_encoder`: a count is by how much the sensor's noise moves the estimate in a cycle."""
+        return settled_estimate(self.model, self.inner.sample_time).step
+
+    def _replace(self, **changes: Any) -> "Estimated":
+        return replace(self, inner=self.inner._replace(**changes))
+
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name == "inner":
             raise AttributeError(name)
@@ -178,26 +116,9 @@ class Estimated:
     def dynamics(self) -> Dynamics:
         """See `Plant.dynamics`."""
         own: Dynamics = self.inner.dynamics()
-        parts: dict[str, Callable[..., Any]] = {
-            "inner_rest": own.rest,
-            "inner_advance": own.advance,
-            "inner_observe": own.observe,
-            "inner_effort": own.effort,
-            "inner_look": own.look,
-            "plant_sample": estimated_sample,
-        }
-        return replace(
-            own,
-            name=f"estimated_{own.name}",
-            plant=EstimatedStep(own.plant, self.model, self.inner.sample_time),
-            rest=estimated_rest,
-            advance=estimated_advance,
-            observe=estimated_observe,
-            effort=estimated_effort,
-            look=estimated_look,
-            parts={**own.parts, **parts},
-            normals=own.normals + DRAWN,
-        )
+        parts: dict[str, Any] = {**own.parts, "joint_start": estimated_start, "joint_sense": estimated_sense}
+        name, normals = f"estimated_{own.name}", own.normals + DRAWN
+        return replace(own, name=name, sensing=self.model, parts=parts, normals=normals)
 
     def draw(self, seed: int, out: Array) -> None:
         """See `Plant.draw`."""
@@ -211,3 +132,8 @@ class Estimated:
     def describe(self) -> dict[str, Any]:
         """See `Plant.describe`."""
         return {**self.inner.describe(), "joint_model": plain(self.model)}
+
+
+def measured_plant(plant: Any) -> Any:
+    """The plant as if an encoder measured its joint."""
+    return plant.inner if isinstance(plant, Estimated) else plant

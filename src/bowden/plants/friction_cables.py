@@ -1,4 +1,4 @@
-"""Cables of elastic tendon with friction along their sheath, for `CablePlant`."""
+"""Cables of elastic tendon with friction along their sheath, for a bench."""
 
 import numpy as np
 
@@ -23,8 +23,7 @@ from bowden.models.cable.sliding_cable import (
     start_tendon,
     tendon_joint,
 )
-from bowden.plants.cable_body import Seen
-from bowden.plants.cable_plant import Cable
+from bowden.plants.cable import Cable, Seen
 
 
 @kernel
@@ -39,8 +38,8 @@ def sliding_advance(
     memory: TendonMemory,
     before: float,
     after: float,
+    scaled: float,
     width: float,
-    slope_factor: float,
     dt: float,
 ) -> TendonMemory:
     """See `bowden.models.cable.sliding_cable`; in place."""
@@ -78,8 +77,8 @@ def lumped_advance(
     memory: LumpedMemory,
     before: float,
     after: float,
+    scaled: float,
     width: float,
-    slope_factor: float,
     dt: float,
 ) -> LumpedMemory:
     """See `bowden.models.cable.lumped_cable`; in place."""

@@ -4,7 +4,9 @@ import math
 
 from bowden.control.knowledge import Knowledge, with_cable
 from bowden.core.errors import ParameterError
+from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.bench import Bench
+from bowden.plants.estimated import measured_plant
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
@@ -24,6 +26,7 @@ def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
         plant: the model of it.
         identified: whether a bench's cable is from a log, and not written by hand.
     """
+    plant = measured_plant(plant)
     joint, motor = plant.joint_encoder, getattr(plant, "motor_encoder", None)
     known = Knowledge(
         servo_frequency=plant.servo.natural_frequency,
@@ -35,7 +38,7 @@ def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
         motor_step=getattr(motor, "resolution", math.nan),
         motor_noise=getattr(motor, "noise", math.nan),
     )
-    if isinstance(plant, Bench):
+    if isinstance(plant, Bench) and isinstance(plant.cable, BoucWen):
         return with_cable(known, plant.cable, plant.sheath.gap, identified=identified)
     if isinstance(plant, UserPlant):
         return known._replace(slope=plant.slope if plant.slope > 0.0 else math.nan, motor_zero=_zero(plant))

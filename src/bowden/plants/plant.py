@@ -10,7 +10,8 @@ A plant is a value with its parts whose `dynamics` hands out kernels and the par
 
 `body` is a NamedTuple of numbers, arrays and other NamedTuples; the columns are a NamedTuple of floats that begins with
 the joint's angle, the motor's angle and the speed of the motor's spool. A loop's source calls the placeholders
-`plant_rest` … `plant_look`, and `specialise` puts the plant's own kernels in their place.
+`plant_rest` … `plant_look`, and `specialise` puts the plant's own kernels in their place, and those of a joint's sensor
+that is no encoder in place of `joint_start` and `joint_sense`.
 """
 
 import contextlib
@@ -115,9 +116,23 @@ def plant_look(plant: Any, body: Any) -> Any:
 
 
 @placeholder
-def plant_sample(measured: Measurement) -> Sample:
-    """What a law is shown of a plant's readings: angles of encoders, unless a plant that estimates replaces this."""
-    return Sample(measured.joint, measured.motor, math.nan, math.nan)
+def joint_start(sensing: Any, joint: float, motor: float) -> Any:
+    """State of the joint's sensor with joint and motor at these angles [rad]; of an encoder nothing."""
+    return 0.0
+
+
+@placeholder
+def joint_sense(
+    sensing: Any, sensor: Any, measured: Measurement, joint: float, normals: Array, dt: float
+) -> tuple[Any, Measurement]:
+    """One cycle of the joint's sensor: its state, and the readings with what it says; of an encoder as they are."""
+    return sensor, Measurement(measured.joint, measured.motor, measured.current, measured.load, math.nan, math.nan)
+
+
+@kernel
+def sample_of(measured: Measurement) -> Sample:
+    """What a law is shown of the readings."""
+    return Sample(measured.joint, measured.motor, measured.joint_age, measured.joint_std)
 
 
 @kernel
@@ -159,6 +174,8 @@ class Dynamics:
     """Further placeholders that these kernels call, and what is put in their place."""
     normals: int = 2
     """Standard normal numbers that ``observe`` takes each cycle."""
+    sensing: Any = 0.0
+    """Parameters of the joint's sensor, where that is no encoder of the plant's own."""
     file: str = ""
     """Of a user's own kernels, for messages."""
     begins_at_reference: bool = False

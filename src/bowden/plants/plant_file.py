@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 from bowden.core import user_file
 from bowden.core.errors import ParameterError, article, near
 from bowden.core.kernel_content import code_of
-from bowden.core.own_file import OwnFile
+from bowden.core.own_file import OwnFile, split
 from bowden.plants import user_plant
 from bowden.plants.user_plant import UserPlant
 
@@ -44,7 +44,7 @@ class PlantFile(OwnFile):
     @classmethod
     def seen(cls, name: str, folder: Path | None = None) -> Self:
         """See `OwnFile.seen`; a name that is no Python file's is refused as that."""
-        if not user_file.split(name)[0].endswith(".py"):
+        if not split(name)[0].endswith(".py"):
             expected = "my_plant.py, or my_plant.py:NAME"
             raise ParameterError(f"the plant {name!r} is not a Python file", expected=expected, do="name its file")
         return super().seen(name, folder)
@@ -77,7 +77,7 @@ class PlantFile(OwnFile):
 @lru_cache(64)
 def _load(file: PlantFile) -> UserPlant:
     """The plant, made once in a process: what a file prints is printed once."""
-    return user_plant.load_file(*file.ready)
+    return user_plant.load_file(file.restored())
 
 
 def load(name: str, folder: Path | None = None) -> UserPlant:

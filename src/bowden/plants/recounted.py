@@ -8,6 +8,13 @@ from bowden.models.cable import scheduled as scheduling
 from bowden.plants.counting import Counting
 from bowden.plants.predicted import DISTRIBUTED, whole_slope
 
+_LINEAR = re.compile(
+    r"slope|offset|(weight|bend|gap)_\d+|hysteresis_gain(_\d+)?|static_\d+|(middle|height)_\d+(_(load|bend)_\d)?"
+)
+"""Parameters in which a model's joint is linear."""
+_OFFSETS = re.compile(r"offset|middle_\d+")
+"""Parameters to which an offset is added."""
+
 
 def fitted_range(parameters: Mapping[str, float]) -> tuple[float, float] | None:
     """Ends of the motor's fitted range, of a model that has them among its parameters [rad]."""
@@ -48,13 +55,15 @@ def recounted(name: str, parameters: Mapping[str, float], counting: Counting) ->
     for node in ("static_centre", "first_node", "last_node", "knot_first"):
         if node in found:
             found[node] -= zero
-    if "knot_first" in found:
-        return {
-            key: value - counting.joint_zero if re.fullmatch(r"middle_\d+", key) else value
-            for key, value in found.items()
-        }
-    found["offset"] += whole_slope(found) * zero - counting.joint_zero
-    return found
+    if "knot_first" not in found:
+        found["offset"] += whole_slope(found) * zero
+    return recalibrated(found, 1.0, -counting.joint_zero)
+
+
+def recalibrated(parameters: Mapping[str, float], gain: float, offset: float) -> dict[str, float]:
+    """The parameters of a model whose joint is gain·joint + offset of the old one's [rad]."""
+    found = {name: gain * value if _LINEAR.fullmatch(name) else value for name, value in parameters.items()}
+    return {name: value + offset if _OFFSETS.fullmatch(name) else value for name, value in found.items()}
 
 
 def _turned(given: Mapping[str, float]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""A cable whose loop changes with its load or its bend, for `CablePlant` (`bowden.models.cable.scheduled`).
+"""A cable whose loop changes with its load or its bend, for a bench (`bowden.models.cable.scheduled`).
 
 The sheath's width, which a run's bend drives, is what moves a scheduling variable: value = at + per_width·width.
 
@@ -27,8 +27,7 @@ from bowden.models.cable.scheduled import (
     turned,
 )
 from bowden.models.cable.sheath import Sheath
-from bowden.plants.cable_body import Seen
-from bowden.plants.cable_plant import Cable
+from bowden.plants.cable import Cable, Seen
 
 Array = NDArray[np.float64]
 
@@ -69,8 +68,8 @@ def scheduled_advance(
     memory: ScheduledMemory,
     before: float,
     after: float,
+    scaled: float,
     width: float,
-    slope_factor: float,
     dt: float,
 ) -> ScheduledMemory:
     """Every play pushed by the motor; in place."""

@@ -20,21 +20,14 @@ from bowden.models.suit.geometry import SuitGeometry, size_spools
 from bowden.models.suit.load_cell import LoadCell
 from bowden.models.suit.suit_angle import spool_map
 from bowden.models.suit.suit_cable import Fabric, SuitCable, prepare_suit_cable
-from bowden.plants.braked_suit import (
-    BRAKED_COLUMNS,
-    BrakedSuit,
-    braked_advance,
-    braked_effort,
-    braked_look,
-    braked_observe,
-    braked_rest,
-)
 from bowden.plants.plant import Dynamics, SheathPath, check_numbers, plain, sheath_path
 from bowden.plants.suit_plant import (
+    BRAKED_COLUMNS,
     SETTLING,
     WORN_COLUMNS,
     PreparedSuit,
     WornSuit,
+    braked_look,
     worn_advance,
     worn_effort,
     worn_look,
@@ -97,46 +90,32 @@ class Suit(NamedTuple):
         Raises:
             ParameterError: a part that cannot be.
         """
-        made = WornSuit(
-            suit=prepare_suit(self),
-            wearer=self.wearer,
-            joint_sensor=self.joint_sensor,
-            motor_encoder=self.motor_encoder,
-            load_cell=self.load_cell,
-            powered=self.powered,
-            dt=float(self.sample_time),
-            settling=round(SETTLING / self.sample_time),
-        )
-        if self.brake.enabled:
-            return Dynamics(
-                "braked_suit",
-                BrakedSuit(made, gripped(made.suit, self.brake), self.brake, self._fastest),
-                braked_rest,
-                braked_advance,
-                braked_observe,
-                braked_effort,
-                BRAKED_COLUMNS,
-                braked_look,
-                normals=5,
-                begins_at_reference=True,
-            )
+        made = prepare_suit(self)
+        speed = no_load_speed(self.motor) * self.spool_radius / self.geometry.half_width  # where the lever is least
         return Dynamics(
-            "suit",
-            made,
+            "braked_suit" if self.brake.enabled else "suit",
+            WornSuit(
+                suit=made,
+                wearer=self.wearer,
+                joint_sensor=self.joint_sensor,
+                motor_encoder=self.motor_encoder,
+                load_cell=self.load_cell,
+                powered=self.powered,
+                dt=float(self.sample_time),
+                settling=round(SETTLING / self.sample_time),
+                brake=self.brake,
+                held=gripped(made, self.brake),
+                speed=speed,
+            ),
             worn_rest,
             worn_advance,
             worn_observe,
             worn_effort,
-            WORN_COLUMNS,
-            worn_look,
+            BRAKED_COLUMNS if self.brake.enabled else WORN_COLUMNS,
+            braked_look if self.brake.enabled else worn_look,
             normals=5,
             begins_at_reference=True,
         )
-
-    @property
-    def _fastest(self) -> float:
-        """Speed of the unloaded motor, in the joint's coordinate where the flexor's lever is least [rad/s]."""
-        return no_load_speed(self.motor) * self.spool_radius / self.geometry.half_width
 
     def draw(self, seed: int, out: Array) -> None:
         """See `Plant.draw`: current and load cell have numbers of their own, which leaves the angles' as they are."""

@@ -7,22 +7,35 @@ The flexor has pulled in r_f·θ and the arm gives E(φ) of it back; the extenso
 as `bowden.models.suit.suit_cable` says, in a sheath whose bend is that of the scenario and `posture`·φ more. A sub-step
 is semi-implicit: cables from the angles, then speeds with the stiffness and damping of the sub-step's end, then angles.
 
+A holding brake of the drive is Coulomb friction at the motor's shaft while it grips, N·T at the spool, so that a load
+beyond it turns the shaft. The drive holds the motor by it, and gives no current meanwhile; its integral begins again at
+zero.
+
 The kernels run in a compiled loop (`bowden.sim.run`), and one cycle a call in a live twin.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, noinline, sqrt
+from bowden.core.nested import flat
 from bowden.models.cable.sheath import Sheath, slope_factor, width
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_motor, turn_spool
-from bowden.models.drive.thermal import Thermal, ThermalState, warm
+from bowden.models.drive.holding_brake import HELD, BrakeState, HoldingBrake, brake_begin, brake_step, grips
+from bowden.models.drive.thermal import Thermal, ThermalState, cold, warm
 from bowden.models.suit.arm import Arm, Wearer, gravity_torque, passive_torque, wearer_torque
 from bowden.models.suit.flex_sensor import FlexSensor, FlexState, flex_start, flex_step
 from bowden.models.suit.load_cell import CURRENT_NOISE, LoadCell, cell_reading
 from bowden.models.suit.suit_angle import SpoolMap, flexor_arm, flexor_travel, motor_of, spool_of
-from bowden.models.suit.suit_cable import PreparedSuitCable, Pull, SuitCableMemory, pull_suit_cable, start_suit_cable
+from bowden.models.suit.suit_cable import (
+    TAUT,
+    PreparedSuitCable,
+    Pull,
+    SuitCableMemory,
+    pull_suit_cable,
+    start_suit_cable,
+)
 from bowden.plants.plant import Array, SheathState
 
 
@@ -64,7 +77,6 @@ class SuitState(NamedTuple):
     """Torque of the suit on the elbow, flexing positive [N·m]."""
     wearer: float
     """Torque of the wearer's muscles, flexing positive [N·m]."""
-    motor_heat: ThermalState
 
 
 class Bends(NamedTuple):
@@ -76,8 +88,6 @@ class Bends(NamedTuple):
 
 STOP_STIFFNESS, STOP_DAMPING = 300.0, 5.0
 """Of the elbow's end stops [N·m/rad], [N·m·s/rad]; stated choices."""
-TAUT = 1.0
-"""Tension at which half of the flesh's damping acts [N]."""
 
 
 @kernel
@@ -94,10 +104,9 @@ def suit_start(suit: PreparedSuit, motor: float, joint: float, bend: float) -> S
     factor = slope_factor(bend + suit.posture * joint, suit.sheath)
     flexor = start_suit_cable(suit.flexor, suit.map.radius * spool, flexor_travel(joint, suit.map), factor)
     extensor = start_suit_cable(suit.extensor, -suit.extensor_radius * spool, -suit.joint_radius * joint, factor)
-    heat = ThermalState(suit.thermal.ambient, suit.thermal.ambient, 0.0)
     slack = Pull(0.0, 0.0)
     still = SpoolState(spool, 0.0, 0.0, 0.0, spool, 0.0, 0.0)
-    return SuitState(0.0, still, joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0, heat)
+    return SuitState(0.0, still, joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0)
 
 
 @noinline
@@ -123,20 +132,7 @@ def suit_step(
         if powered:
             spool = drive_motor(suit.motor, state.spool, target, step)
         state = _substep(suit, state, spool, bend, wearer, step)
-    heat = warm(suit.thermal, state.motor_heat, state.spool.current, dt)
-    return SuitState(
-        state.time,
-        state.spool,
-        state.joint,
-        state.joint_velocity,
-        state.flexor,
-        state.extensor,
-        state.flexor_pull,
-        state.extensor_pull,
-        state.interaction,
-        state.wearer,
-        heat,
-    )
+    return state
 
 
 @kernel
@@ -202,7 +198,6 @@ def _substep(
         extensor_pull,
         interaction,
         own,
-        state.motor_heat,
     )
 
 
@@ -237,13 +232,20 @@ class WornSuit(NamedTuple):
     """[s]"""
     settling: int
     """Cycles at rest before a run."""
+    brake: HoldingBrake
+    held: PreparedSuit
+    """The suit while its brake grips."""
+    speed: float
+    """Of the unloaded motor, in the joint's coordinate at its fastest [rad/s]."""
 
 
 class WornBody(NamedTuple):
-    """The suit, and what its flex sensor remembers."""
+    """The suit, what its flex sensor remembers, the brake, and how warm the motor is."""
 
     suit: SuitState
     flex: FlexState
+    brake: BrakeState
+    heat: ThermalState
 
 
 class WornColumns(NamedTuple):
@@ -281,15 +283,19 @@ WORN_COLUMNS = {
     "wearer_torque": "N·m",
     "winding_temperature": "°C",
 }
+BRAKED_COLUMNS = WORN_COLUMNS | {"brake": "1"}
+"""The suit's columns, and the brake's phase."""
 
 
 @kernel
 def worn_rest(plant: WornSuit, motor: float, sheath: SheathState) -> WornBody:
-    """See `bowden.plants.plant`: held there until the arm hangs in balance."""
+    """See `bowden.plants.plant`: held there until the arm hangs in balance, its brake free."""
     state, bends = suit_start(plant.suit, motor, motor, sheath.bend), Bends(sheath.bend, sheath.bend)
+    heat = cold(plant.suit.thermal)
     for _ in range(plant.settling):
         state = suit_step(plant.suit, state, motor, True, bends, plant.wearer, plant.dt)
-    return WornBody(state, flex_start(state.joint))
+        heat = warm(plant.suit.thermal, heat, state.spool.current, plant.dt)
+    return WornBody(state, flex_start(state.joint), brake_begin(motor), heat)
 
 
 @kernel
@@ -297,8 +303,15 @@ def worn_advance(
     plant: WornSuit, body: WornBody, applied: float, sheath: SheathState, next_sheath: SheathState
 ) -> WornBody:
     """See `bowden.plants.plant`; the posture adds its own to the sheath's bend."""
+    suit, brake, powered, made = body.suit, body.brake, plant.powered, plant.suit
+    if plant.brake.holding_torque > 0.0:
+        brake = brake_step(plant.brake, brake, applied, suit_motor(made, suit), True, plant.speed, plant.dt)
+        applied, powered = brake.sent, powered and brake.phase != HELD
+        if grips(brake):
+            made = plant.held
     bends = Bends(sheath.bend, next_sheath.bend)
-    return WornBody(suit_step(plant.suit, body.suit, applied, plant.powered, bends, plant.wearer, plant.dt), body.flex)
+    suit = suit_step(made, suit, applied, powered, bends, plant.wearer, plant.dt)
+    return WornBody(suit, body.flex, brake, warm(made.thermal, body.heat, suit.spool.current, plant.dt))
 
 
 @kernel
@@ -309,7 +322,7 @@ def worn_observe(plant: WornSuit, body: WornBody, normals: Array) -> tuple[WornB
     motor = reading(suit_motor(plant.suit, state), normals[2], plant.motor_encoder)
     current = state.spool.current + CURRENT_NOISE * normals[3]
     load = cell_reading(plant.load_cell, state.interaction, normals[4])
-    return WornBody(state, flex), Measurement(joint, motor, current, load)
+    return WornBody(state, flex, body.brake, body.heat), Measurement(joint, motor, current, load)
 
 
 @kernel
@@ -334,5 +347,11 @@ def worn_look(plant: WornSuit, body: WornBody) -> WornColumns:
         state.extensor_pull.motor,
         state.interaction,
         state.wearer,
-        state.motor_heat.winding,
+        body.heat.winding,
     )
+
+
+@kernel
+def braked_look(plant: WornSuit, body: WornBody) -> Any:
+    """See `bowden.plants.plant`: `BRAKED_COLUMNS`."""
+    return flat((worn_look(plant, body), body.brake.phase))

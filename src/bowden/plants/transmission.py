@@ -16,9 +16,10 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, reached, specialise
 from bowden.core.nested import form_of, numbers_of
 from bowden.core.units import RADIANS
-from bowden.models.cable.bouc_wen import saturation
+from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.sheath import slope_factor, width
 from bowden.plants.bench import Bench
+from bowden.plants.estimated import Estimated, measured_plant
 from bowden.plants.plant import (
     Dynamics,
     Plant,
@@ -29,6 +30,7 @@ from bowden.plants.plant import (
     refuse_no_number,
     sheath_state,
 )
+from bowden.plants.settled_estimate import settled_estimate
 from bowden.plants.suit_parts import Suit
 
 Array = NDArray[np.float64]
@@ -66,7 +68,8 @@ def transmission(plant: Plant, bend: float, stroke: tuple[float, float]) -> Tran
     Raises:
         ParameterError: a plant that cannot be moved through its stroke, or that does not follow its motor.
     """
-    if isinstance(plant, Bench):
+    plant = measured_plant(plant)
+    if isinstance(plant, Bench) and isinstance(plant.cable, BoucWen):
         cable, slope = plant.cable, plant.cable.slope * float(slope_factor(bend, plant.sheath))
         steepest = 1.0 + float(saturation(cable)) ** cable.exponent  # of Eq. 7 over ρ, right after a reversal
         after = slope + cable.hysteresis_gain * cable.rate * steepest
@@ -88,6 +91,7 @@ def measured_response(plant: Plant, bend: float, stroke: tuple[float, float], am
         stroke: of the joint [rad].
         amplitudes: of the motor (k,) [rad].
     """
+    plant = measured_plant(plant)
     key = _Key(plant, plant.dynamics(), sheath_state(plant.sheath, bend))
     return _swung(key, plant.resting_motor(0.5 * (stroke[0] + stroke[1]), bend), tuple(amplitudes.tolist()))
 
@@ -102,7 +106,8 @@ class Unrest(NamedTuple):
 
 
 def unrest(plant: Plant, bend: float, stroke: tuple[float, float], held: float) -> Unrest:
-    """Effect of a suit's friction and weight, and of its wearer's own motion, with no law; none for any other plant.
+    """Effect of a suit's friction and weight, of its wearer's own motion, and of what an estimated joint's sensor adds,
+    with no law; none for any other plant.
 
     Args:
         plant: any.
@@ -110,13 +115,15 @@ def unrest(plant: Plant, bend: float, stroke: tuple[float, float], held: float) 
         stroke: of the joint [rad].
         held: how long the motor is held in the middle of the stroke [s].
     """
+    span = settled_estimate(plant.model, plant.sample_time).span if isinstance(plant, Estimated) else 0.0
+    plant = measured_plant(plant)
     if not isinstance(plant, Suit):
-        return Unrest(0.0, 0.0)
+        return Unrest(0.0, span)
     sheath, calm, (low, high) = sheath_state(plant.sheath, bend), _calm(plant), stroke
-    off, span = _carried(_Key(calm, calm.dynamics(), sheath), low, high), 0.0
+    off = _carried(_Key(calm, calm.dynamics(), sheath), low, high)
     if calm != plant:
         key = _Key(plant, plant.dynamics(), sheath)
-        span = _moved_by_wearer(key, 0.5 * (low + high), round(held / plant.sample_time))
+        span += _moved_by_wearer(key, 0.5 * (low + high), round(held / plant.sample_time))
     return Unrest(off, span)
 
 

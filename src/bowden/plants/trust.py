@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 
-LEVELS = ("yes", "with care", "no")
+Level = Literal["yes", "with care", "no"]
+LEVELS: tuple[Level, ...] = get_args(Level)
 QUARTER = 0.25
 """Share of a straight line's error that a model leaves at most, if it is to be trusted: its loop is then known to a
 quarter."""
@@ -16,7 +17,7 @@ quarter."""
 class Trust(NamedTuple):
     """Trust in a model."""
 
-    level: Literal["yes", "with care", "no"]
+    level: Level
     """``yes`` for motions like the log's."""
     reasons: tuple[str, ...]
     """The gravest first."""

@@ -19,7 +19,6 @@ line and a compiler's rarely do.
 import math
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +28,7 @@ from bowden.control.source import Measurement
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
-from bowden.core.user_file import UserFile
+from bowden.core.own_file import OwnFile
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.motor import Motor
@@ -228,29 +227,19 @@ class UserPlant(NamedTuple):
         return body
 
 
-def load_file(file: UserFile, name: str) -> UserPlant:
-    """The plant of this name in a file that has been read; the only one there if the name is empty.
+def load_file(file: OwnFile) -> UserPlant:
+    """The plant in a file that has been read, by its name there; the only one if it has none.
 
     Raises:
         ParameterError: no such name, a mistake in the file (with its line), or something that is no plant.
     """
-    plant = _find(user_file.run(file, "plant"), name, file.path)
-    plant.dynamics()
-    return plant
-
-
-def _find(module: ModuleType, attribute: str, path: Path) -> UserPlant:
-    found = user_file.chosen(module, UserPlant, attribute, path, ("Parameters", "rest", "advance"))
-    if found is not None:
-        plant: UserPlant = found
-        return plant
-    names = vars(module)
-    try:
-        parameters = names["Parameters"]()
-    except Exception as error:
-        raise user_file.mistake(error, path) from error
-    others = {part: names[part] for part in ("observe", "effort") if part in names}
-    return UserPlant(path.stem, parameters, names["rest"], names["advance"], **others)
+    plant, names = user_file.defined(file, UserPlant, ("Parameters", "rest", "advance"))
+    if plant is None:
+        others = {part: names[part] for part in ("observe", "effort") if part in names}
+        plant = UserPlant(Path(file.path).stem, names["Parameters"], names["rest"], names["advance"], **others)
+    found: UserPlant = plant
+    found.dynamics()
+    return found
 
 
 def same_values(one: Any, other: Any) -> bool:

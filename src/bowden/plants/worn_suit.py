@@ -51,6 +51,7 @@ def suit_of(
         friction=given.capstan_friction,
         feeder_drag=given.feeder_drag,
     )
+    assert isinstance(bench.cable, BoucWen)  # as a rig has it
     own = bench.cable if identified is None else _at_the_arm(bench.cable, given.spool_radius / cable.radius)
     cable = cable._replace(bouc_wen=own)
     physical = given.cable == "capstan"  # it computes what its sheath loses

@@ -4,10 +4,10 @@ A package reads each of them, in a process of its own: some damaged files end th
 unpack without end, so that its memory is bounded.
 """
 
+import contextlib
 import datetime
 import io
 import os
-import resource
 import subprocess
 import sys
 import warnings
@@ -203,7 +203,10 @@ def read_foreign(path: Path, kind: str) -> Columns:
 def _main(kind: str, path: str) -> None:
     """Write the numbers of a file to standard output, as NPZ."""
     __import__(FORMATS[kind].module)
-    resource.setrlimit(resource.RLIMIT_AS, (_MOST_MEMORY, _MOST_MEMORY))
+    with contextlib.suppress(ImportError):  # Windows has no such bound
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (_MOST_MEMORY, _MOST_MEMORY))
     found = FORMATS[kind].read(path)
     np.savez(sys.stdout.buffer, *found.values(), names=np.array([*found], dtype=str))
 

@@ -84,6 +84,8 @@ class Table:
     """Of the columns, where the file says them."""
     about: bytes | None = None
     """What a trace says of itself, as JSON."""
+    wordy: frozenset[str] = frozenset()
+    """Columns of a text whose first row has no number there."""
     place: Callable[[int], str] = field(default=lambda sample: f"row {sample + 1}", repr=False)
     """Sample → where it stands in the file, for messages."""
 
@@ -249,7 +251,7 @@ def _parquet_table(path: Path) -> Table:
     about = (schema.metadata or {}).get(KEY.encode())
     said = {name: (schema.field(i).metadata or {}).get(b"unit", b"") for i, name in enumerate(names)}
     units = {name: unit.decode(errors="replace") for name, unit in said.items() if unit}
-    return Table(path, names, read, units or _units_in(about), about, lambda sample: f"{path}, row {sample + 1}")
+    return Table(path, names, read, units or _units_in(about), about, place=lambda sample: f"{path}, row {sample + 1}")
 
 
 @contextlib.contextmanager
@@ -278,7 +280,7 @@ def _npz_table(path: Path) -> Table:
                 found[name] = _as_numbers(np.lib.format.read_array(member), name, path)
         return _of_one_length(path, found)
 
-    return Table(path, names, read, _units_in(about), about, lambda sample: f"{path}, row {sample + 1}")
+    return Table(path, names, read, _units_in(about), about, place=lambda sample: f"{path}, row {sample + 1}")
 
 
 def _member(file: zipfile.ZipFile, name: str, size: int) -> bytes:
@@ -342,7 +344,7 @@ def _text_table(path: Path, text: str | None = None) -> Table:
         rows = (line for number, lines in _blocks(path, layout) for line, _ in _rows(path, layout, lines, number))
         return f"{path}, line {next(itertools.islice(rows, sample, None), layout.skip + sample + 1)}"
 
-    return Table(path, layout.names, read, units, about, place)
+    return Table(path, layout.names, read, units, about, layout.wordy, place)
 
 
 class _Layout(NamedTuple):
@@ -356,6 +358,8 @@ class _Layout(NamedTuple):
     separator: str
     """Between fields; empty for white space."""
     encoding: str
+    wordy: frozenset[str] = frozenset()
+    """Columns whose first row has no number there."""
     text: str | None = None
     """Of a workbook; else it is the file's."""
 
@@ -411,9 +415,10 @@ def _layout(path: Path, head: str, encoding: str) -> _Layout:
                 if first < skip:
                     _, count, separator = max(_numbers_alone(lines[first]), key=lambda one: one[0])
                 names, units = _names(path, lines[:first], count, separator)
-                cells = zip(names, _fields(lines[first], separator), strict=False)
-                units |= {name: "s" for name, one in cells if ":" in one and _value(one, separator, clock=True)}
-                return _Layout(names, units, first, separator, encoding)
+                cells = dict(zip(names, _fields(lines[first], separator), strict=False))
+                units |= {name: "s" for name, one in cells.items() if ":" in one and _value(one, separator, clock=True)}
+                wordy = frozenset(name for name, one in cells.items() if _value(one, separator, clock=True) is None)
+                return _Layout(names, units, first, separator, encoding, wordy)
     named = [(number, one) for number, one in enumerate(lines, 1) if one.strip() and not one.startswith("#")]
     skip, first_line = named[0] if named else (len(lines), "")
     separator = next((one for one in (";", "\t") if one in first_line and "," not in first_line), ",")

@@ -3,6 +3,8 @@
 UNITS = {
     **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
     **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
+    **dict.fromkeys(("mdeg", "millidegrees"), "mdeg"),
+    **dict.fromkeys(("mrad", "milliradians"), "mrad"),
     **dict.fromkeys(("turn", "turns", "rev", "revs", "revolutions", "rotations"), "turns"),
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
     **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),

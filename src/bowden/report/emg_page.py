@@ -27,11 +27,9 @@ def emg_page(name: str, log: EmgRecording, labels: Spans | None, found: Findings
     page.table(
         list(TITLES),
         [score_row("ours", found.score), score_row("plain threshold", found.plain_score)],
-        "Counts, where no unit is given. A detection belongs to a label if its contraction begins within the label "
-        "or up "
-        "to 0.3 s before it; each further detection is false. A labelled contraction that is shorter than "
-        "--shortest-ms "
-        "and not detected is rejected, not missed."
+        "Counts, where no unit is given. A detection belongs to a label if its contraction begins within the label or "
+        "up to 0.3 s before it; each further detection is false. A labelled contraction that is shorter than "
+        "--shortest-ms and not detected is rejected, not missed."
         + ("" if labels is not None else " Without labels (--labels) only detections are counted."),
     )
     page.figure(

@@ -7,7 +7,7 @@ table is broken between two pages.
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from bowden import __version__
 from bowden.core.files import write_text
@@ -61,38 +61,6 @@ _DARK = {
 _SHADE = re.compile(r"\b(fill|stroke): (" + "|".join(_DARK) + r")\b")
 
 
-class _Heading(NamedTuple):
-    text: str
-    anchor: str
-    level: int
-    kind: str = "heading"
-
-
-class _Text(NamedTuple):
-    html: str
-    kind: str
-
-
-class _Figure(NamedTuple):
-    svg: str
-    caption: str
-    number: int
-    kind: str = "figure"
-
-
-class _Cell(NamedTuple):
-    text: str
-    css: str
-
-
-class _Table(NamedTuple):
-    header: list[_Cell]
-    rows: list[tuple[str, list[_Cell]]]
-    caption: str
-    css: str = ""
-    kind: str = "table"
-
-
 class Page:
     """A page that is filled from top to bottom and then written.
 
@@ -103,12 +71,16 @@ class Page:
 
     def __init__(self, title: str, lead: str = "") -> None:
         self._title, self._lead = title, lead
-        self._parts: list[_Heading | _Text | _Figure | _Table] = []
+        self._parts: list[dict[str, Any]] = []
+        """Of each its kind, heading, text, notice, figure or table, and what the template takes of that kind."""
 
     def heading(self, text: str, level: int = 2) -> None:
         """A heading, plain text; those of level 2 make up the page's contents."""
-        count = sum(part.kind == "heading" for part in self._parts)
-        self._parts.append(_Heading(text, f"part-{count + 1}", level))
+        self._parts.append({"kind": "heading", "text": text, "anchor": f"part-{self._next('heading')}", "level": level})
+
+    def _next(self, kind: str) -> int:
+        """Number of the next part of a kind, from 1."""
+        return 1 + sum(part["kind"] == kind for part in self._parts)
 
     def text(self, html: str, **values: object) -> None:
         """A paragraph, or blocks, of HTML; `values` are escaped and put where the HTML names them in braces.
@@ -118,11 +90,11 @@ class Page:
         from markupsafe import Markup
 
         filled = str(Markup(html).format(**values)) if values else html
-        self._parts.append(_Text(filled if _BLOCK.match(filled) else f"<p>{filled}</p>", "text"))
+        self._parts.append({"kind": "text", "html": filled if _BLOCK.match(filled) else f"<p>{filled}</p>"})
 
     def notice(self, text: str) -> None:
         """A warning or remark that must not be overlooked, plain text."""
-        self._parts.append(_Text(text, "notice"))
+        self._parts.append({"kind": "notice", "html": text})
 
     def warnings(self, warnings: Iterable[str]) -> None:
         """Notices that begin with a small letter and have no full stop."""
@@ -131,8 +103,8 @@ class Page:
 
     def figure(self, figure: "Figure", caption: str = "") -> None:
         """A figure of matplotlib's as inline SVG, numbered; the caption is plain text."""
-        number = 1 + sum(part.kind == "figure" for part in self._parts)
-        self._parts.append(_Figure(_inline(figure, number), caption, number))
+        number = self._next("figure")
+        self._parts.append({"kind": "figure", "svg": _inline(figure, number), "caption": caption, "number": number})
 
     def part(self, heading: str, figure: "Figure | None", caption: str) -> None:
         """A heading with a figure below it; nothing of what has no figure."""
@@ -162,12 +134,13 @@ class Page:
             raise ValueError(f"a table of {len(header)} columns and {len(classes)} classes, with rows of other lengths")
         css = [_column_class([row[i] for row in rows]) for i in range(len(header))]
 
-        def cells(row: Sequence[str]) -> list[_Cell]:
-            return [_Cell(text, name) for text, name in zip(row, css, strict=True)]
+        def cells(row: Sequence[str]) -> list[dict[str, str]]:
+            return [{"text": text, "css": name} for text, name in zip(row, css, strict=True)]
 
         marked = [(name, cells(row)) for name, row in zip(classes, rows, strict=True)]
         kinds = ("short", len(rows) <= _SHORT), ("dense", len(header) >= _DENSE)
-        self._parts.append(_Table(cells(header), marked, caption, " ".join(name for name, so in kinds if so)))
+        table = {"header": cells(header), "rows": marked, "caption": caption}
+        self._parts.append({"kind": "table", **table, "css": " ".join(name for name, so in kinds if so)})
 
     def html(self) -> str:
         """The page as text; the same content gives the same bytes."""
@@ -186,7 +159,7 @@ class Page:
             title=self._title,
             lead=self._lead,
             parts=self._parts,
-            contents=[part for part in self._parts if isinstance(part, _Heading) and part.level == 2],
+            contents=[part for part in self._parts if part.get("level") == 2],
             style=Markup((folder / "page.css").read_text(encoding="utf-8") + _dark_figures()),
             version=__version__,
         )

@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.units import DEGREES
-from bowden.drawing.motion_plot import draw_motion
-from bowden.drawing.style import COLOURS, dashes_for, legend, legend_height, new_figure, stay_near, thin
+from bowden.drawing.style import COLOURS, dashes_for, draw_motion, legend, legend_height, new_figure, stay_near, thin
 from bowden.records.trace import Trace
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 Array = NDArray[np.float64]
 Traces = Mapping[str, Trace]
 Colours = Mapping[str, str]
+Panel = tuple[Mapping[str, Array], list[Array]]
+"""A signal of each run, and those that the axis is to show wholly."""
 
 _MANY = 4
 """With more runs than these, the panel of each is lower."""
@@ -49,14 +49,9 @@ def motion(traces: Traces, colours: Colours) -> "Figure":
 
 def error(traces: Traces, colours: Colours) -> "Figure":
     """Error over time, all runs in one."""
-    figure, (axes,) = new_figure(height=2.8 + legend_height(list(traces)))
     errors = {name: trace.error * DEGREES for name, trace in traces.items()}
-    _together(axes, traces, errors, colours)
     swing = [0.1 * (trace["reference"] - np.mean(trace["reference"])) * DEGREES for trace in traces.values()]
-    stay_near(axes, _of_stable(traces, errors) or swing, list(errors.values()))
-    axes.set(xlabel="time [s]", ylabel="error [°]")
-    legend(axes)
-    return figure
+    return _together(traces, colours, {"error [°]": (errors, _of_stable(traces, errors) or swing)}, 2.8)
 
 
 def loops(traces: Traces, colours: Colours) -> "Figure":
@@ -94,38 +89,23 @@ def _broken(name: str, most: int) -> str:
 
 def effort(traces: Traces, colours: Colours) -> "Figure":
     """Command, command − reference, and current over time where it was recorded."""
-    with_current = all("current" in trace.columns for trace in traces.values())
-    count = 3 if with_current else 2
-    height = 0.6 + 1.7 * count + legend_height(list(traces))
-    figure, rows = new_figure(count, 1, height=height, share_x=True)
-    commands = {name: trace["command"] * DEGREES for name, trace in traces.items()}
-    added = {name: (trace["command"] - trace["reference"]) * DEGREES for name, trace in traces.items()}
-    _together(rows[0], traces, commands, colours)
-    _together(rows[1], traces, added, colours)
     references = [trace["reference"] * DEGREES for trace in traces.values()]
-    stay_near(rows[0], references, list(commands.values()))
-    stay_near(rows[1], _of_stable(traces, added) or [0.5 * (one - one.mean()) for one in references], [*added.values()])
-    if with_current:
-        currents = {name: trace["current"] for name, trace in traces.items()}
-        _together(rows[2], traces, currents, colours)
-        stay_near(rows[2], _of_stable(traces, currents) or list(currents.values()), list(currents.values()))
-        rows[2].set_ylabel("current [A]")
-    rows[0].set_ylabel("command [°]")
-    rows[1].set_ylabel("command −\nreference [°]")
-    rows[-1].set_xlabel("time [s]")
-    legend(rows[0])
-    return figure
+    added = {name: (trace["command"] - trace["reference"]) * DEGREES for name, trace in traces.items()}
+    panels: dict[str, Panel] = {
+        "command [°]": ({name: trace["command"] * DEGREES for name, trace in traces.items()}, references),
+        "command −\nreference [°]": (
+            added,
+            _of_stable(traces, added) or [0.5 * (one - one.mean()) for one in references],
+        ),
+    }
+    if all("current" in trace.columns for trace in traces.values()):
+        panels["current [A]"] = _column(traces, "current")
+    return _together(traces, colours, panels, 0.6 + 1.7 * len(panels))
 
 
 def pulls(traces: Traces, colours: Colours) -> "Figure":
     """Torque of the cables on the joint that they share, over time."""
-    figure, (axes,) = new_figure(height=2.8 + legend_height(list(traces)))
-    values = {name: trace["pull"] for name, trace in traces.items()}
-    _together(axes, traces, values, colours)
-    stay_near(axes, _of_stable(traces, values) or list(values.values()), list(values.values()))
-    axes.set(xlabel="time [s]", ylabel="torque on the joint [N·m]")
-    legend(axes)
-    return figure
+    return _together(traces, colours, {"torque on the joint [N·m]": _column(traces, "pull")}, 2.8)
 
 
 def law_states(trace: Trace, colour: str) -> "Figure | None":
@@ -171,14 +151,26 @@ def sheath(traces: Traces) -> "Figure | None":
     return figure
 
 
-def _together(axes: "Axes", traces: Traces, values: Mapping[str, Array], colours: Colours) -> None:
-    """A signal of all runs over time; a run that ran away fills its panel, so it is drawn under the others."""
+def _together(traces: Traces, colours: Colours, panels: Mapping[str, Panel], height: float) -> "Figure":
+    """Signals of all runs over time, a row each; a run that ran away fills its panel: it is drawn under the others."""
+    figure, rows = new_figure(len(panels), 1, height=height + legend_height(list(traces)), share_x=True)
     dashes = dashes_for(list(traces)) if len(traces) > 1 else dict.fromkeys(traces, "-")  # alone nothing is mistaken
-    for name, trace in traces.items():
-        order = 2.0 if trace.stable else 1.8
-        there = _there(values[name])
-        shown = thin(trace.time[:there], values[name][:there])
-        axes.plot(*shown, color=colours[name], label=name, lw=1.1, ls=dashes[name], zorder=order)
+    for axes, (label, (values, near)) in zip(rows, panels.items(), strict=True):
+        for name, trace in traces.items():
+            order = 2.0 if trace.stable else 1.8
+            there = _there(values[name])
+            shown = thin(trace.time[:there], values[name][:there])
+            axes.plot(*shown, color=colours[name], label=name, lw=1.1, ls=dashes[name], zorder=order)
+        stay_near(axes, near, list(values.values()))
+        axes.set_ylabel(label)
+    rows[-1].set_xlabel("time [s]")
+    legend(rows[0])
+    return figure
+
+
+def _column(traces: Traces, name: str) -> Panel:
+    values = {run: trace[name] for run, trace in traces.items()}
+    return values, _of_stable(traces, values) or list(values.values())
 
 
 def _there(values: Array) -> int:
@@ -236,13 +228,5 @@ def torques(traces: Mapping[str, Trace], colours: Mapping[str, str]) -> "Figure"
     drawn = {"interaction_torque": "suit [N·m]", "wearer_torque": "wearer [N·m]", "winding_temperature": "winding [°C]"}
     if not any(np.any(trace["wearer_torque"]) for trace in traces.values()):
         del drawn["wearer_torque"]
-    figure, rows = new_figure(len(drawn), 1, height=0.6 + 1.6 * len(drawn), share_x=True)
-    dashes = dashes_for(list(traces))
-    for axes, (column, label) in zip(rows, drawn.items(), strict=True):
-        for name, trace in traces.items():
-            line = thin(trace.time, trace[column])
-            axes.plot(*line, color=colours[name], label=name, lw=1.1, ls=dashes[name])
-        axes.set(ylabel=label)
-    legend(rows[0])
-    rows[-1].set_xlabel("time [s]")
-    return figure
+    panels = {label: _column(traces, column) for column, label in drawn.items()}
+    return _together(traces, colours, panels, 0.6 + 1.6 * len(panels))

@@ -86,12 +86,12 @@ def guessed(rig: Rig) -> str:
 
 
 def motor_angle(counts: Counts, n: float) -> float:
-    """The motor's angle [rad]."""
+    """The motor's angle [rad] where its encoder, which counts as in the rig's log, shows `n`."""
     return counts.motor_direction * (counts.motor_count * n - counts.motor_zero)
 
 
 def joint_angle(counts: Counts, n: float) -> float:
-    """The joint's angle [rad]."""
+    """The joint's angle [rad] where its encoder, which counts as in the rig's log, shows `n`."""
     return counts.joint_count * n - counts.joint_zero
 
 

@@ -9,6 +9,7 @@ from bowden.control.knowledge import with_cable
 from bowden.core.errors import ParameterError
 from bowden.core.units import HERTZ, RADIANS
 from bowden.cycle.one_cycle import Filters
+from bowden.models.cable.bouc_wen import upright
 from bowden.models.drive.geared_motor import no_load_speed
 from bowden.models.suit.suit_angle import spool_map, steepest_spool
 from bowden.plants.suit_parts import Suit
@@ -16,6 +17,7 @@ from bowden.plants.worn_suit import USUAL_DEAD_ZONE, elbow_dead_zone
 from bowden.rig.consistent import Basis, follow
 from bowden.rig.families import DriveNeeds, family_of, longest_silence
 from bowden.rig.load_cell import ROOM, check_cell, collision, devices
+from bowden.rig.plant import plain_cable
 from bowden.rig.rig import Rig
 from bowden.rig.sections import DEFAULT_CABLE
 from bowden.safety.evidence import DEAD_SHARE
@@ -86,13 +88,13 @@ being how many times the rig's stiffness is too large; for k = 4 that is the 20 
 
 def basis(rig: Rig) -> Basis:
     """What limits that are not written follow from."""
-    cable, width = rig.bench.cable, 0.0
+    width = 0.0
     if rig.worn is not None and (lost := elbow_dead_zone(rig.worn.flexor.half_width)) > USUAL_DEAD_ZONE:
         width = lost
     if rig.worn is not None or (rig.plant is not None and not rig.own_plant.slope > 0.0):
         return Basis(1.0, DEFAULT_CABLE.slope, width, 0.0, rig.bench.servo.speed_limit, rig.sample_time)
     if rig.plant is None:
-        width = with_cable(rig.knowledge, cable, rig.bench.sheath.gap, identified=True).width
+        width = with_cable(rig.knowledge, upright(plain_cable(rig)), rig.bench.sheath.gap, identified=True).width
     low, fastest = min(0.0, rig.reference_ends[0]), rig.bench.servo.speed_limit
     return Basis(rig.slope / DEFAULT_CABLE.slope, rig.slope, width, low, fastest, rig.sample_time)
 

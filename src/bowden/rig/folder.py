@@ -1,6 +1,7 @@
 """A rig in a folder: its rig.toml, and beside it the files that it needs."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -55,16 +56,16 @@ def tree_and_files(rig: Any) -> tuple[dict[str, Any], dict[str, bytes]]:
     Raises:
         ParameterError: see `tree_of`; or two of the files have one name.
     """
-    files = Files()
+    files: dict[str, bytes] = {}
     if not rig.motors:
-        return _tree_of(rig.fields, files), files.contents
+        return _tree_of(rig.fields, files), files
     trees = [MotorTree(name, _tree_of(one.fields, files), joint) for name, one, joint in rig.motors]
-    return of_motors(rig, trees), files.contents
+    return of_motors(rig, trees), files
 
 
-def _tree_of(values: Mapping[str, Any], files: "Files") -> dict[str, Any]:
+def _tree_of(values: Mapping[str, Any], files: dict[str, bytes]) -> dict[str, Any]:
     """The sections of one motor's rig, whose files are added to those of the others."""
-    tree, add = tree_of(values), files.add
+    tree, add = tree_of(values), partial(_add, files)
     cable, reference, law, emg = (values[name] for name in ("cable", "reference", "law", "emg"))
     if values["plant"] is not None:
         plant = as_file(values["plant"])
@@ -96,22 +97,15 @@ def _tree_of(values: Mapping[str, Any], files: "Files") -> dict[str, Any]:
     return tree
 
 
-class Files:
-    """Files that lie beside a rig.toml."""
+def _add(files: dict[str, bytes], name: str, content: bytes) -> None:
+    """Add a file that lies beside a rig.toml.
 
-    def __init__(self) -> None:
-        self.contents: dict[str, bytes] = {}
-        """Name → what is in it."""
-
-    def add(self, name: str, content: bytes) -> None:
-        """Add one.
-
-        Raises:
-            ParameterError: another file has its name.
-        """
-        if self.contents.setdefault(name, content) != content:
-            raise ParameterError(
-                f"two files of the rig have the name {name}",
-                expected="files of different names",
-                do="rename one, or pass the rig on with pack()",
-            )
+    Raises:
+        ParameterError: another file has its name.
+    """
+    if files.setdefault(name, content) != content:
+        raise ParameterError(
+            f"two files of the rig have the name {name}",
+            expected="files of different names",
+            do="rename one, or pass the rig on with pack()",
+        )

@@ -5,11 +5,13 @@ import math
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.rig.settings import JointSensor
-from bowden.sensing.joint_angle import LENGTH, JointModel
+from bowden.safety.limits import Limits
+from bowden.sensing.joint_angle import LENGTH, JointModel, MotorReach
 
 STREAMS = {
     "udp": "udp:PORT (from this computer alone), udp:0.0.0.0:PORT (from others too), udp:ADDRESS:PORT",
     "serial": "serial:DEVICE (at 115200 baud), serial:DEVICE@BAUD",
+    "can": "can:CHANNEL@IDENTIFIER (socketcan)",
     "lsl": "lsl:NAME",
 }
 """Kind of a stream → how it is named."""
@@ -33,12 +35,20 @@ def model_of(sensor: JointSensor, slope: float, zero: float, play: float) -> Joi
     return JointModel(slope, zero, play, sensor.cable_error, *known)
 
 
+def motor_reach(limits: Limits) -> MotorReach:
+    """What the estimate believes of a motor's readings."""
+    return MotorReach(limits.motor_speed, limits.jump, limits.sensor_span)
+
+
 def address_of(sensor: JointSensor) -> tuple[str, tuple[str, int]]:
-    """Kind of its stream, with name or address, and port or baud rate; 0 for none."""
+    """Kind of its stream, with name or address, and port, baud rate or identifier; 0 for none."""
     kind, _, rest = (sensor.stream or "").partition(":")
-    if kind == "serial":
-        device, _, baud = rest.partition("@")
-        return kind, (device, int(baud or BAUD) if (baud or BAUD).isdecimal() else 0)
+    if kind in ("serial", "can"):
+        device, _, said = rest.partition("@")
+        try:
+            return kind, (device, int(said or (BAUD if kind == "serial" else "0"), 0))
+        except ValueError:
+            return kind, (device, 0)
     if kind != "udp":
         return kind, (rest, 0)
     host, _, port = rest.rpartition(":")
@@ -79,6 +89,12 @@ def check(sensor: JointSensor, sample_time: float, joint_std: float) -> None:
         ("stream", kind in STREAMS and bool(where[0]), " or ".join(STREAMS.values())),
         ("stream", kind != "udp" or 1024 <= where[1] <= 65535, "a port from 1024 to 65535"),
         ("stream", kind != "serial" or where[1] >= 1200, "a baud rate from 1200 behind @"),
+        ("stream", kind != "can" or 1 <= where[1] < 0x1FFF_FFFF, "an identifier such as 0x321 behind @"),
+        (
+            "gives",
+            kind != "can" or sensor.gives != "inertial",
+            '"angle" or "quaternion" over CAN, whose frames are short',
+        ),
         ("gives", not stretch or sensor.gives == "angle", '"angle" of a stretch sensor, or leave it out'),
         ("bodies", sensor.bodies == 1 or sensor.gives == "quaternion", '1, or gives = "quaternion"'),  # one heading
         ("axis", len(sensor.axis) == 3 and abs(length - 1.0) < 0.01, "three numbers, a vector of length 1"),

@@ -26,17 +26,7 @@ def knowledge(rig: Rig) -> Knowledge:
 
 
 def fitted(rig: Rig, law: "GivenLaw | None" = None, known: Knowledge | None = None) -> Law:
-    """The rig's law with the gains that the rig gives it; another law gets none of the rig's own gains.
-
-    In this order: the law's own, what it knows of the rig, the preset, the rig's own (`bowden.control.knowledge`).
-
-    Args:
-        law: in place of the rig's.
-        known: what the law knows of the rig, in place of `knowledge`.
-
-    Raises:
-        ParameterError: an unknown law, preset or gain.
-    """
+    """See `Rig.fitted`."""
     if known is not None and not isinstance(known, Knowledge):
         raise ParameterError(
             f"Rig.fitted: known is {shown(known)}", expected="a Knowledge", do="leave it out for the rig's own"

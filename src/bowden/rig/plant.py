@@ -12,7 +12,6 @@ from bowden.models.cable.sheath import Sheath
 from bowden.models.cable.sheath_path import BendPath
 from bowden.plants import plant_file
 from bowden.plants.bench import Bench
-from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import plant_of_model
 from bowden.plants.counting import NOT_SAID, Encoders
 from bowden.plants.estimated import Estimated
@@ -95,7 +94,7 @@ def own_plant(rig: Rig) -> UserPlant:
     return plant_file.loaded(rig.plant)
 
 
-def cabled(rig: Rig) -> Bench | CablePlant | UserPlant:
+def cabled(rig: Rig) -> Bench | UserPlant:
     """What is moved where no suit is worn: a plant of the user's own, or the bench round its cable.
 
     The cable is the model that an identification recommends; a straight line is no cable with hysteresis, and the
@@ -118,7 +117,7 @@ def slope(rig: Rig) -> float:
     return rig.own_plant.slope if rig.own_plant.slope > 0.0 else 1.0
 
 
-def moved(rig: Rig) -> Bench | CablePlant | UserPlant | Suit:
+def moved(rig: Rig) -> Bench | UserPlant | Suit:
     """What is moved: the suit where one is worn, and else `cabled`.
 
     Raises:

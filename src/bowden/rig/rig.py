@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from bowden.control.law import Law
     from bowden.cycle.one_cycle import Filters
     from bowden.plants.bench import Bench
-    from bowden.plants.cable_plant import CablePlant
     from bowden.plants.plant import Plant
     from bowden.plants.pushing import Pushing
     from bowden.plants.suit_parts import Suit
@@ -554,9 +553,9 @@ class Rig(Plotted, metaclass=Answering):
     bench: ClassVar[Derived["Bench"]] = Derived("rig.plant")
     worn: ClassVar[Derived["Suit | None"]] = Derived("rig.plant")
     own_plant: ClassVar[Derived["UserPlant"]] = Derived("rig.plant")
-    cabled: ClassVar[Derived["Bench | CablePlant | UserPlant"]] = Derived("rig.plant")
+    cabled: ClassVar[Derived["Bench | UserPlant"]] = Derived("rig.plant")
     slope: ClassVar[Derived[float]] = Derived("rig.plant")
-    moved: ClassVar[Derived["Bench | CablePlant | UserPlant | Suit"]] = Derived("rig.plant")
+    moved: ClassVar[Derived["Bench | UserPlant | Suit"]] = Derived("rig.plant")
     simulated_plant: ClassVar[Derived["Plant"]] = Derived("rig.plant")
     joint_model: ClassVar[Derived["JointModel"]] = Derived("rig.plant")
     pushing: ClassVar[Derived["Pushing | None"]] = Derived("rig.plant")

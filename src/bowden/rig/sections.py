@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, create_model
 from pydantic_core import PydanticCustomError
 
 from bowden.control.recorded_motion import RecordedFile
-from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint
+from bowden.control.reference import Multisine, PointToPoint
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity, declared
 from bowden.core.units import RADIANS
@@ -91,8 +91,14 @@ class Part(NamedTuple):
     section: type[Section]
 
 
-def _part(name: str, text: str, default: Any, tag: str = "") -> Part:
-    return Part(type(default), default, section_of(name, text, type(default), default, tag=tag))
+def _part(default: Any, text: str = "", tag: str = "") -> Part:
+    """The part of a default; its section says what its type does, where there is no other text."""
+    kind = type(default)
+    return Part(kind, default, section_of(f"{kind.__name__}Section", text or _sentence(kind), kind, default, tag=tag))
+
+
+def _sentence(kind: type) -> str:
+    return (kind.__doc__ or "").partition(">>>")[0]
 
 
 WIDTH = Quantity("factor on the play, fitted to the paper's dead zone; laws do not know it", gt=0.0, le=100.0)
@@ -113,77 +119,59 @@ DEFAULT_CABLE = _BENCH.cable
 DEFAULT_WIDTH = _BENCH.sheath.gap
 """Of the paper's bench [–]."""
 
-_encoder = _part("EncoderSection", "One encoder.", _BENCH.joint_encoder)
+_encoder = _part(_BENCH.joint_encoder, "One encoder.")
 
 PARTS: Mapping[str, Part] = {
-    "servo": _part("ServoSection", "The motor under its PD position loop, second order.", _BENCH.servo),
+    "servo": _part(_BENCH.servo, "The motor under its PD position loop, second order."),
     "sheath": _part(
-        "SheathSection",
-        "How the sheath's bend sets the width and the slope of the cable's hysteresis.",
-        _BENCH.sheath._replace(gap=1.0),
+        _BENCH.sheath._replace(gap=1.0), "How the sheath's bend sets the width and the slope of the cable's hysteresis."
     ),
-    "motor": _part("MotorSection", "The geared motor and its load, for currents and energies (Eq. 18).", _BENCH.motor),
+    "motor": _part(_BENCH.motor, "The geared motor and its load, for currents and energies (Eq. 18)."),
     "joint_encoder": _encoder,
     "motor_encoder": _encoder,
-    "suit": _part("SuitSection", SuitSettings.__doc__ or "", rounded(SuitSettings(), 10)),
-    "wearer": _part("WearerSection", WearerSettings.__doc__ or "", WearerSettings()),
-    "admittance": _part("AdmittanceSection", AdmittanceSettings.__doc__ or "", rounded(AdmittanceSettings(), 10)),
-    "limits": _part(
-        "LimitsSection",
-        "What the supervisor allows, and the motor's thermal model; see docs/safety.md.",
-        USUAL,
-    )._replace(default=UNWRITTEN),
-    "load_cell": _part("LoadCellSection", LoadCellParameters.__doc__ or "", LoadCellParameters()),
-    "joint_sensor": _part("JointSensorSection", JointSensor.__doc__ or "", rounded(JointSensor(), 6)),
-    "brake": _part("BrakeSection", HoldingBrake.__doc__ or "", rounded(HoldingBrake(), 10)),
-    "live": _part("LiveSection", LiveSettings.__doc__ or "", LiveSettings())._replace(
-        default=LiveSettings(approach=math.nan)
+    "suit": _part(rounded(SuitSettings(), 10)),
+    "wearer": _part(WearerSettings()),
+    "admittance": _part(rounded(AdmittanceSettings(), 10)),
+    "limits": _part(USUAL, "What the supervisor allows, and the motor's thermal model; see docs/safety.md.")._replace(
+        default=UNWRITTEN
     ),
-    "emg": _part("EmgSection", EmgSettings.__doc__ or "", rounded(EmgSettings(), 4)),
+    "load_cell": _part(LoadCellParameters()),
+    "joint_sensor": _part(rounded(JointSensor(), 6)),
+    "brake": _part(rounded(HoldingBrake(), 10)),
+    "live": _part(LiveSettings())._replace(default=LiveSettings(approach=math.nan)),
+    "emg": _part(rounded(EmgSettings(), 4)),
 }
 """Field of a rig → the part that stands for it, of those whose section holds nothing else."""
 TITLES: Mapping[str, tuple[str, ...]] = {"joint_encoder": ("encoder", "joint"), "motor_encoder": ("encoder", "motor")}
 """Field of a rig → its section, where that has another name."""
 
-JOINT = _part("JointSection", JointSettings.__doc__ or "", JointSettings())
+JOINT = _part(JointSettings())
 """[[joint]], which stands beside [[motor]]."""
 
 REFERENCES: Mapping[str, Part] = {
-    tag: Part(kind, default, section_of(f"{kind.__name__}Section", text, kind, default, tag=tag))
-    for tag, kind, default, text in (
-        (
-            "periodic_minimum_jerk",
-            PeriodicMinimumJerk,
-            minimum_jerk(),
-            "Minimum jerk from low to high in the first half of each period and back in the second (Fig. 9).",
+    tag: _part(default, "A sine whose frequency rises linearly (Fig. 16)." if tag == "chirp" else "", tag)
+    for tag, default in {
+        "periodic_minimum_jerk": minimum_jerk(),
+        "point_to_point": PointToPoint((0.0, 2.0, 3.0, 5.0), tuple(RADIANS * x for x in (0.0, 70.0, 70.0, 0.0))),
+        "chirp": chirp(),
+        "multisine": Multisine(
+            (0.05, 0.13, 0.31),
+            tuple(RADIANS * x for x in (25.0, 12.0, 6.0)),
+            tuple(RADIANS * x for x in (0.0, 90.0, 200.0)),
+            35.0 * RADIANS,
+            2.0,
         ),
-        (
-            "point_to_point",
-            PointToPoint,
-            PointToPoint((0.0, 2.0, 3.0, 5.0), tuple(RADIANS * x for x in (0.0, 70.0, 70.0, 0.0))),
-            "Minimum-jerk motions through way points, with rests where two following ones are equal.",
-        ),
-        ("chirp", Chirp, chirp(), "A sine whose frequency rises linearly (Fig. 16, with the integrated phase)."),
-        (
-            "multisine",
-            Multisine,
-            Multisine(
-                (0.05, 0.13, 0.31),
-                tuple(RADIANS * x for x in (25.0, 12.0, 6.0)),
-                tuple(RADIANS * x for x in (0.0, 90.0, 200.0)),
-                35.0 * RADIANS,
-                2.0,
-            ),
-            "A sum of sines about a centre, at rest there at the start.",
-        ),
-        ("recorded", RecordedFile, None, RecordedFile.__doc__ or ""),
+    }.items()
+} | {
+    "recorded": Part(
+        RecordedFile, None, section_of("RecordedSection", RecordedFile.__doc__ or "", RecordedFile, tag="recorded")
     )
 }
 """What [reference] may be, by its kind."""
 
 BENDS: Mapping[str, Part] = {
-    tag: Part(kind, kind(), section_of(f"{kind.__name__}Section", kind.__doc__ or "", kind, kind(), tag=tag))
-    for tag, kind in (("constant", ConstantBend), ("scripted", ScriptedBend), ("random", RandomBend))
+    tag: _part(default, tag=tag)
+    for tag, default in {"constant": ConstantBend(), "scripted": ScriptedBend(), "random": RandomBend()}.items()
 }
 """What [scenario.bend] may be, by its kind."""
 
@@ -202,8 +190,7 @@ def drive_part(name: str) -> Part:
         ParameterError: there is no such family.
     """
     family = drive_families.family_named(name)
-    title = "DriveSection" if name == DEFAULT_FAMILY else f"{name.capitalize()}DriveSection"
-    part = _part(title, family.title, family.parameters)
+    part = _part(family.parameters, family.title)
     follow = {one.name: math.nan for one in declared(part.kind) if one.quantity.follows}
     return part._replace(default=part.default._replace(**follow))
 

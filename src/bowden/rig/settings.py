@@ -44,7 +44,10 @@ class JointSensor(NamedTuple):
         Quantity("encoder: by [drive]; motor: the cable's model alone"),
     ] = "encoder"
     stream: Annotated[
-        str | None, Quantity("udp:PORT, udp:ADDRESS:PORT, serial:DEVICE@BAUD or lsl:NAME", example="udp:5005")
+        str | None,
+        Quantity(
+            "udp:PORT, udp:ADDRESS:PORT, serial:DEVICE@BAUD, can:CHANNEL@IDENTIFIER or lsl:NAME", example="udp:5005"
+        ),
     ] = None
     gives: Annotated[
         Literal["angle", "quaternion", "inertial"],

@@ -44,7 +44,7 @@ NOT_DISABLED = bits_of((Fault.NOT_DISABLED,))
 
 
 @kernel
-def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> SupervisorState:
+def begin(limits: Limits, reading: DriveReading, warmth: ThermalState) -> SupervisorState:
     """Stopped, with the motor as warm as the last run left it (`models.drive.thermal.rested`)."""
     motor = 0.0 if outside(reading.motor, -limits.sensor_span, limits.sensor_span) else reading.motor
     joint = 0.0 if outside(reading.joint, -limits.sensor_span, limits.sensor_span) else reading.joint
@@ -58,7 +58,7 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
         StuckSensorState(motor, joint, joint, 0.0),
         StuckCurrentState(0.0, 0.0, 0.0, 0.0),
         Timers(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        thermal,
+        warmth,
         0.0,
         StuckSensorState(motor, 0.0, 0.0, 0.0),
         NeighbourState(False, 0.0),

@@ -41,6 +41,8 @@ UNSEEN = 10.0 * RADIANS
 """Growth of the standard deviation while a sensor is silent: how fast a limb may go where nothing shows it [rad/s]."""
 LENGTH = 8
 """Predictions that are remembered."""
+MISSED = 100
+"""Cycles that one step makes up for at most."""
 
 History = tuple[float, float, float, float, float, float, float, float]
 
@@ -92,9 +94,83 @@ class JointEstimate(NamedTuple):
     sensor: Annotated[float, Quantity("d", "rad")]
     covariance: Covariance
     expected: Annotated[float, Quantity("variance of a value, when the last one was taken", "rad²")]
+    refused: Annotated[float, Quantity("values left out, less those taken since")]
     history: History
     """z, the newest last, `stride` apart [rad]."""
     since: Annotated[float, Quantity("cycles since the history's newest")]
+
+
+class MotorReach(NamedTuple):
+    """How far a motor can go between two readings."""
+
+    speed: float
+    """[rad/s]"""
+    jump: float
+    """Beyond that [rad]."""
+    span: float
+    """Largest angle [rad]."""
+
+
+class TrackedJoint(NamedTuple):
+    """The estimate, and which readings of the motor it believes."""
+
+    estimate: JointEstimate
+    motor: Annotated[float, Quantity("last one that was new and believed", "rad")]
+    since: Annotated[float, Quantity("time since that", "s")]
+    suspect: Annotated[float, Quantity("the one just before, where it was not believed", "rad")]
+
+
+@kernel
+def track_start(model: JointModel) -> TrackedJoint:
+    """Before the motor's first reading: there is no angle yet."""
+    return TrackedJoint(estimate_start(model, math.nan), math.nan, 0.0, math.nan)
+
+
+@kernel
+def track_step(
+    model: JointModel,
+    reach: MotorReach,
+    state: TrackedJoint,
+    motor: float,
+    age: float,
+    value: float,
+    elapsed: float,
+    dt: float,
+) -> TrackedJoint:
+    """One cycle of a loop later, which may be late.
+
+    A reading that no motor can have reached would move the joint's estimate with it, and is left out; a second one
+    beside it is believed: the first of all may have been the spike.
+
+    Args:
+        model: of cable and sensor.
+        reach: of the motor.
+        state: before.
+        motor: measured angle; NaN where it is missing [rad].
+        age: of that reading; 0 of a new one [cycles].
+        value: of the sensor; NaN where none came in this cycle [rad].
+        elapsed: time since the last step [s].
+        dt: length of a cycle [s].
+    """
+    believed, last, since, suspect = motor, state.motor, state.since + elapsed, state.suspect
+    if not abs(motor) <= reach.span:
+        believed = math.nan
+    elif abs(motor - last) > reach.jump + reach.speed * since and not (
+        abs(motor - suspect) <= reach.jump + reach.speed * dt
+    ):
+        believed, suspect = math.nan, motor
+    else:
+        suspect = math.nan
+        if age == 0.0:
+            last, since = motor, 0.0
+    estimate = state.estimate
+    if math.isnan(estimate.cable) and not math.isnan(believed):
+        estimate = estimate_start(model, believed)
+    missed = floor(elapsed / dt + 0.5)
+    for k in range(1, MISSED):
+        if k < missed:
+            estimate = estimate_step(model, estimate, believed, math.nan, dt)
+    return TrackedJoint(estimate_step(model, estimate, believed, value, dt), last, since, suspect)
 
 
 @kernel
@@ -105,7 +181,7 @@ def estimate_start(model: JointModel, motor: float) -> JointEstimate:
     history = (cable, cable, cable, cable, cable, cable, cable, cable)
     std = model.error if model.period == 0.0 else math.inf
     expected = variance + model.offset * model.offset + model.noise * model.noise
-    return JointEstimate(cable, std, math.inf, cable, 0.0, 0.0, 0.0, 0.0, covariance, expected, history, 0.0)
+    return JointEstimate(cable, std, math.inf, cable, 0.0, 0.0, 0.0, 0.0, covariance, expected, 0.0, history, 0.0)
 
 
 @kernel
@@ -123,7 +199,7 @@ def estimate_step(model: JointModel, state: JointEstimate, motor: float, value: 
     cable = max(middle - model.play, min(middle + model.play, state.cable))
     changing, staying, sensor, covariance = predicted(model, state, abs(cable - state.cable), dt)
     history, since = remembered(model, state, cable, dt)
-    age, expected = state.age + dt, state.expected
+    age, expected, refused = state.age + dt, state.expected, state.refused
     if not math.isnan(value):
         error = value - cable_then(model, history, since, cable, dt) - changing - staying - sensor
         f = covariance.ff + covariance.fb + covariance.fd
@@ -131,10 +207,9 @@ def estimate_step(model: JointModel, state: JointEstimate, motor: float, value: 
         d = covariance.fd + covariance.bd + covariance.dd
         total = f + b + d + model.noise * model.noise
         if error * error <= GATE * GATE * expected:
-            part, expected = 1.0 / total, total
-            age = (
-                0.0 if not math.isfinite(age) else max(0.0, age - 2.0 * model.period)
-            )  # one of many is no sign of life
+            part, expected, refused = 1.0 / total, total, max(0.0, refused - 1.0)
+            if refused == 0.0 or not math.isfinite(age):  # one taken among many left out is no sign of life
+                age = 0.0
             changing, staying, sensor = (
                 changing + f * part * error,
                 staying + b * part * error,
@@ -148,10 +223,12 @@ def estimate_step(model: JointModel, state: JointEstimate, motor: float, value: 
                 covariance.bd - part * b * d,
                 covariance.dd - part * d * d,
             )
+        else:
+            refused += 1.0
     shown = state.shown + (changing + staying - state.shown) * dt / max(dt, model.period)
     std = deviation(model, covariance, age, changing + staying)
     return JointEstimate(
-        cable + shown, std, age, cable, shown, changing, staying, sensor, covariance, expected, history, since
+        cable + shown, std, age, cable, shown, changing, staying, sensor, covariance, expected, refused, history, since
     )
 
 
@@ -211,5 +288,8 @@ def cable_then(model: JointModel, history: History, since: float, cable: float, 
     if back <= since:
         return cable if since == 0.0 else cable + (history[LENGTH - 1] - cable) * back / since
     place = max(0.0, (LENGTH - 1) - (back - since) / stride(model, dt))
-    low = min(LENGTH - 2, int(floor(place)))
-    return history[low] + (history[low + 1] - history[low]) * (place - low)
+    then = history[0]
+    for k in range(LENGTH - 1):
+        if k <= place:
+            then = history[k] + (history[k + 1] - history[k]) * (place - k)
+    return then

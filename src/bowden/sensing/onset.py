@@ -481,16 +481,22 @@ def power_beside_rest(powers: Powers, size: float) -> float:
 
 
 @kernel
-def bound_of_rest(onset: Onset, rest: RestEstimate, strength: float) -> float:
-    """Below which rest is, since the last contraction was larger by ρ; infinite before the first.
-
-    Where rest's level is above that, it was no contraction, and bounds nothing.
-    """
+def bound_of_rest(onset: Onset, strength: float) -> float:
+    """Below which rest is, since the last contraction was larger by ρ; infinite before the first."""
     strong = onset.settings.strong
     bound = strong * strong if strong > 0.0 else math.inf
     if strength > 0.0:
         bound = min(bound, strength / (onset.settings.ratio * onset.settings.ratio))
-    return bound if bound > exp(rest.level) else math.inf
+    return bound
+
+
+@kernel
+def is_beyond_rest(power: float, bound: float, rest: RestEstimate) -> bool:
+    """True if a power is none of rest, which is below the `bound`.
+
+    Where rest's level is above that, it was no contraction, and bounds nothing.
+    """
+    return power >= bound and bound > exp(rest.level)
 
 
 @kernel
@@ -498,7 +504,7 @@ def learning_speed(onset: Onset, state: OnsetState, power: float, dead: bool) ->
     """How fast rest is learned, 0 to 1 [–]."""
     if state.phase == Phase.CONTRACTION or dead:
         return 0.0
-    if power >= min(onset.even * state.null, bound_of_rest(onset, state.rest, state.strength)):
+    if power >= onset.even * state.null or is_beyond_rest(power, bound_of_rest(onset, state.strength), state.rest):
         return DOUBT
     return 1.0 if state.evidence.onset < 0.25 * onset.enough else 0.0
 
@@ -610,7 +616,9 @@ def next_phase(onset: Onset, phase: Phase, evidence: OnsetEvidence, dead: bool) 
 @kernel
 def largest_rest(onset: Onset, rest: RestEstimate, limit: float, bound: float) -> float:
     """Upper bound on rest: its level raised by `limit`, whose allowance for the unknown ends at the `bound`."""
-    largest = min(exp(rest.level + limit), max(exp(rest.level + SURE * sqrt(rest.spread)), bound))
+    largest = exp(rest.level + limit)
+    if is_beyond_rest(largest, bound, rest):
+        largest = min(largest, max(exp(rest.level + SURE * sqrt(rest.spread)), bound))
     return max(largest, onset.weakest)
 
 
@@ -657,7 +665,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     strength = 0.0 if rest.seen <= 0.0 else state.strength
 
     # evidence for an onset, and for an end
-    null = largest_rest(onset, rest, seen.limit, bound_of_rest(onset, rest, strength)) + beside
+    null = largest_rest(onset, rest, seen.limit, bound_of_rest(onset, strength)) + beside
     ratio = Ways(square.plain / null, square.fifty / null, square.sixty / null)
     short = _averaged(state.short, ratio, _SPIKY * onset.most, onset.short)
     long = _averaged(state.long, ratio, onset.most, onset.long)

@@ -23,10 +23,8 @@ from bowden.cycle.one_cycle import BARE, LAW, Plan, bare_settings, bare_start, l
 from bowden.models.cable.shared_joint import JointLoad, cable_pull, shared_joint
 from bowden.models.cable.sheath_path import BendPath, constant_bend
 from bowden.models.drive.encoder import Encoder, reading
-from bowden.plants.bench import Bench
-from bowden.plants.cable_body import CableBody, Moving, cable_moved, cable_rest
-from bowden.plants.cable_plant import CablePlant, prepare_plant
-from bowden.plants.cables import as_cable_plant
+from bowden.plants.bench import Bench, prepare_bench
+from bowden.plants.bench_body import BenchBody, Moving, bench_moved, bench_rest
 from bowden.plants.plant import SheathPath, sheath_at
 from bowden.records.trace import Trace
 from bowden.sim.run import RUNAWAY, inputs_of, refuse_no_number_in, settings_of, state_columns
@@ -52,7 +50,7 @@ class JointMotor(NamedTuple):
     """One motor with its cable, and who leads it."""
 
     name: str
-    bench: Bench | CablePlant
+    bench: Bench
     """Motor, cable and encoders, in the coordinate in which the motor pulls upwards."""
     bend: BendPath
     """The sheath's total bend over time."""
@@ -60,11 +58,6 @@ class JointMotor(NamedTuple):
     """Of the encoders' noise."""
     sign: float
     """1 where the motor pulls the joint up, −1 where it pulls it down [–]."""
-
-    @property
-    def plant(self) -> CablePlant:
-        """The bench as a plant round its cable."""
-        return as_cable_plant(self.bench)
 
     def own_stroke(self, stroke: Range) -> Range:
         """Ends of the joint's motion in this motor's coordinate, the lower first [rad]."""
@@ -89,7 +82,7 @@ class CabledJoint(NamedTuple):
         return JointLoad(self.stiffness, motor.pretension, motor.spring)
 
     @property
-    def first(self) -> Bench | CablePlant:
+    def first(self) -> Bench:
         """Of the motor whose drive has the joint's encoder; its clock is that of all."""
         return self.motors[0].bench
 
@@ -149,30 +142,24 @@ def joint_angle(side: Side, own: float) -> float:
 
 
 @kernel
-def at_start(side: Side) -> CableBody:
-    """A motor at rest before the run."""
-    return cable_rest(side.plant, own_angle(side, side.initial_motor), sheath_at(side.sheath, 0))
-
-
-@kernel
-def measure(side: Side, body: CableBody, joint: float, k: int) -> Measurement:
+def measure(side: Side, body: BenchBody, joint: float, k: int) -> Measurement:
     """What a law sees in cycle k, the `joint` being measured [rad]."""
     motor = reading(body.motor.position, side.normals[k], side.plant.motor_encoder)
     return Measurement(joint, joint_angle(side, motor), np.nan, np.nan, np.nan, np.nan)
 
 
 @kernel
-def moved(side: Side, body: CableBody, commands: Array, k: int) -> CableBody:
+def moved(side: Side, body: BenchBody, commands: Array, k: int) -> BenchBody:
     """A motor with its cable one cycle later, under what its law has commanded up to cycle k."""
     command = commands[k - side.delay] if k >= side.delay else side.initial_motor
-    return cable_moved(
+    return bench_moved(
         side.plant, body, own_angle(side, command), sheath_at(side.sheath, k), sheath_at(side.sheath, k + 1)
     )
 
 
 @kernel
 def keep_side(
-    record: Array, k: int, side: Side, body: CableBody, measured: Measurement, command: float, pull: float
+    record: Array, k: int, side: Side, body: BenchBody, measured: Measurement, command: float, pull: float
 ) -> None:
     """Fill column k of `record` (7, n): `OF_SIDE`."""
     drive, motor = side.plant.drive, body.motor
@@ -184,14 +171,6 @@ def keep_side(
     record[4, k] = command
     record[5, k] = side.sign * (drive.inertia * motor.acceleration + load) / (drive.gear * drive.torque_constant)
     record[6, k] = pull
-
-
-@kernel
-def keep_state(states: Array, k: int, state: Any) -> None:
-    """Fill column k of `states` with a law's state and what the conditioner remembers."""
-    numbers = flat((state.law, state.conditioned))
-    for j in range(states.shape[0]):
-        states[j, k] = numbers[j]
 
 
 @kernel
@@ -219,13 +198,13 @@ def run_joint(
         dt: length of a cycle [s].
         joints: to be filled: true and measured (2, n) [rad].
         records: to be filled, for each motor as `keep_side` has it (m, 7, n).
-        states: to be filled, for each motor as `keep_state` has it (m, k, n).
+        states: to be filled, for each motor with its law's state and what the conditioner remembers (m, k, n).
     """
     count, cycles = len(sides), references.shape[1]
     ends, signs = np.empty(count), np.empty(count)
     for i in range(count):
         signs[i] = sides[i].sign
-    bodies = [at_start(side) for side in sides]
+    bodies = [bench_rest(one.plant, own_angle(one, one.initial_motor), sheath_at(one.sheath, 0)) for one in sides]
     settings = [bare_settings(side.gains, side.conditioning, side.source) for side in sides]
     for i in range(count):
         ends[i] = signs[i] * bodies[i].joint
@@ -246,7 +225,9 @@ def run_joint(
             led[i] = state
             pull = cable_pull(body.joint, side.sign * joint, load.stiffness)
             keep_side(records[i], k, side, body, seen, command, pull)
-            keep_state(states[i], k, state)
+            numbers = flat((state.law, state.conditioned))
+            for j in range(states.shape[1]):
+                states[i, j, k] = numbers[j]
             ran_away = ran_away or not abs(command) < RUNAWAY
         if ran_away:
             return k
@@ -284,7 +265,7 @@ def simulate_joint(
     """
     motors = joint.motors
     check_alike(motors, laws)
-    found = [inputs_of(one.plant, reference, duration, one.bend, one.seed) for one in motors]
+    found = [inputs_of(one.bench, reference, duration, one.bend, one.seed) for one in motors]
     count, initials = len(found[0].time), initial_motors or (0.0,) * len(motors)
     pushed = np.zeros(count) if push is None else np.asarray(push, dtype=np.float64)
     if pushed.shape != (count,) or not np.isfinite(pushed).all():
@@ -294,20 +275,20 @@ def simulate_joint(
             law.gains,
             law.conditioning,
             TABLE.settings,
-            prepare_plant(one.plant),
+            prepare_bench(one.bench),
             inputs.sheath,
             np.ascontiguousarray(inputs.normals[:, 1]),
             float(initial),
             one.sign,
             joint.co_contraction,
-            one.plant.delay,
+            one.bench.delay,
         )
         for one, law, inputs, initial in zip(motors, laws, found, initials, strict=True)
     )
     columns = {name: unit for part in state_columns(laws[0], TABLE) for name, unit in part.items()}
     joints, records = np.empty((2, count)), np.empty((len(motors), len(OF_SIDE), count))
     states = np.empty((len(motors), len(columns), count))
-    dynamics = motors[0].plant.dynamics()
+    dynamics = motors[0].bench.dynamics()
     kernels = {**law_and_source(laws[0]), **BARE, **dynamics.parts}
     lasted = specialise(run_joint, f"{laws[0].name}_{dynamics.name}", **kernels)(
         sides,
@@ -339,7 +320,7 @@ def simulate_joint(
     traces = []
     for i, one in enumerate(motors):
         values = common | dict(zip(OF_SIDE, records[i], strict=True))
-        values |= one.plant.sheath_columns(joints[0], found[i].sheath) | dict(zip(columns, states[i], strict=True))
+        values |= one.bench.sheath_columns(joints[0], found[i].sheath) | dict(zip(columns, states[i], strict=True))
         settings = settings_of(one.bench, laws[i], reference, TABLE, initials[i]) | {"motor": one.name, "joint": about}
         traces.append(Trace(values, {name: units[name] for name in values}, settings, one.seed))
     return tuple(traces)
@@ -360,15 +341,15 @@ def check_alike(motors: Sequence[JointMotor], laws: Sequence[Law]) -> None:
                 expected="one law for all, each with gains of its own",
                 do=do,
             )
-        if one.plant.dynamics().parts != other.plant.dynamics().parts:
+        if one.bench.dynamics().parts != other.bench.dynamics().parts:
             raise ParameterError(
-                f"{both} have cables of the kinds {one.plant.cable.name} and {other.plant.cable.name}",
+                f"{both} have cables of the kinds {' and '.join(m.bench.simulated_cable.name for m in (one, other))}",
                 expected="one kind for all, each with parameters of its own",
                 do=do,
             )
-        if one.plant.sample_time != other.plant.sample_time:
+        if one.bench.sample_time != other.bench.sample_time:
             raise ParameterError(
-                f"{both} have cycles of {one.plant.sample_time:g} and {other.plant.sample_time:g} s",
+                f"{both} have cycles of {one.bench.sample_time:g} and {other.bench.sample_time:g} s",
                 expected="one clock for all",
                 do="correct sample_time",
             )

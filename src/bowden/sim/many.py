@@ -6,7 +6,7 @@ NumPy's, not the dot product of a library whose order depends on its threads.
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from bowden.control import user_law
 from bowden.control.law import Law
 from bowden.control.source import TABLE, Source
+from bowden.core.quantity import Quantity
 from bowden.records import metrics
 from bowden.records.metrics import LATE
 from bowden.sim.run import Case, Ready
@@ -22,48 +23,38 @@ Array = NDArray[np.float64]
 
 
 class Outcome(NamedTuple):
-    """What came of one run; NaN where a figure does not exist."""
+    """What came of one run; NaN where a figure does not exist. The last four are of a suit."""
 
-    cycles: float
-    """How many it lasted."""
-    ended: float
-    """1 where it reached its end, 0 where it ran away: a command beyond 1000 rad or not a number."""
-    stable: float
-    """1 where the joint was never further from the reference than the reference's whole stroke (5° at least), too."""
-    rmse: float
-    """From rest [rad]."""
-    rmse_after_10s: float
-    """[rad]"""
-    peak: float
-    """Largest |e| [rad]."""
-    lag: float
-    """−∫e·v dt / ∫v² dt with the reference's velocity v: the delay that explains most of a small error [s]."""
-    command_travel: float
-    """Total variation of the command [rad]."""
-    largest_command: float
-    """Largest |command| [rad]."""
-    mechanical_energy: float
-    """∫Pm dt, Eq. 18 [J]."""
-    electrical_energy: float
-    """∫Pe dt, Eq. 18 [J]."""
+    cycles: Annotated[float, Quantity("how many control cycles it lasted")]
+    ended: Annotated[
+        float, Quantity("1 where it reached its end: no command beyond 1000 rad, nothing that is no number; else 0")
+    ]
+    stable: Annotated[
+        float,
+        Quantity("1 where, too, the joint was never further from the reference than its whole stroke (5° at least)"),
+    ]
+    rmse: Annotated[float, Quantity("root of the mean square of joint − reference, from rest", "rad")]
+    rmse_after_10s: Annotated[float, Quantity("the same without the first ten seconds", "rad")]
+    peak: Annotated[float, Quantity("largest |joint − reference|", "rad")]
+    lag: Annotated[
+        float,
+        Quantity(
+            "−∫e·v dt / ∫v² dt with the reference's velocity v: the delay that explains most of a small error", "s"
+        ),
+    ]
+    command_travel: Annotated[float, Quantity("total variation of the command", "rad")]
+    largest_command: Annotated[float, Quantity("largest |command|", "rad")]
+    mechanical_energy: Annotated[float, Quantity("∫Pm dt of the motor, Eq. 18", "J")]
+    electrical_energy: Annotated[float, Quantity("∫Pe dt of the motor, Eq. 18", "J")]
+    shown_rmse: Annotated[
+        float, Quantity("RMSE from rest of the elbow as its sensor shows it to the law; `rmse` is the elbow's", "rad")
+    ] = math.nan
+    largest_tension: Annotated[float, Quantity("of both cables, at the arm and at the spool", "N")] = math.nan
+    largest_torque: Annotated[float, Quantity("of the suit on the elbow, as a size", "N·m")] = math.nan
+    hottest_winding: Annotated[float, Quantity("of the motor", "°C")] = math.nan
 
 
 _TENSIONS = ("flexor_tension", "flexor_motor_tension", "extensor_tension", "extensor_motor_tension")
-
-
-class SuitOutcome(NamedTuple):
-    """What came of one run of the suit; NaN where a figure does not exist."""
-
-    run: Outcome
-    """Of the elbow itself: the reference's error, the motor's energy, whether it ran away."""
-    shown_rmse: float
-    """Of the elbow as its sensor shows it to the law, from rest [rad]."""
-    largest_tension: float
-    """Of both cables, at the arm and at the spool [N]."""
-    largest_torque: float
-    """Of the suit on the elbow, |interaction torque| [N·m]."""
-    hottest_winding: float
-    """[°C]"""
 
 
 class _Run(NamedTuple):
@@ -87,16 +78,6 @@ def simulate_many(cases: Iterable[Case], duration: float) -> Iterator[tuple[Outc
     """
     for ready, runs in _runs(cases, duration):
         yield tuple(_outcome(ready, run) for run in runs)
-
-
-def simulate_suits(cases: Iterable[Case], duration: float) -> Iterator[tuple[SuitOutcome, ...]]:
-    """The same of suits.
-
-    Raises:
-        ParameterError: see `simulate_many`.
-    """
-    for ready, runs in _runs(cases, duration):
-        yield tuple(_suit_outcome(ready, run) for run in runs)
 
 
 def _runs(cases: Iterable[Case], duration: float) -> Iterator[tuple[Ready, Iterator[_Run]]]:
@@ -148,20 +129,20 @@ def _outcome(ready: Ready, run: _Run) -> Outcome:
         largest_command=float(np.abs(commands).max()),
         mechanical_energy=mechanical,
         electrical_energy=electrical,
+        **_of_suit(run),
     )
 
 
-def _suit_outcome(ready: Ready, run: _Run) -> SuitOutcome:
-    whole, rows = _outcome(ready, run), run.rows
-    if not whole.ended:
-        return SuitOutcome(whole, *[math.nan] * 4)
-    return SuitOutcome(
-        run=whole,
-        shown_rmse=metrics.rmse(rows["joint_measured"] - run.references[0]),
-        largest_tension=float(max(rows[name].max() for name in _TENSIONS)),
-        largest_torque=float(np.abs(rows["interaction_torque"]).max()),
-        hottest_winding=float(rows["winding_temperature"].max()),
-    )
+def _of_suit(run: _Run) -> dict[str, float]:
+    rows = run.rows
+    if "interaction_torque" not in rows:
+        return {}
+    return {
+        "shown_rmse": metrics.rmse(rows["joint_measured"] - run.references[0]),
+        "largest_tension": float(max(rows[name].max() for name in _TENSIONS)),
+        "largest_torque": float(np.abs(rows["interaction_torque"]).max()),
+        "hottest_winding": float(rows["winding_temperature"].max()),
+    }
 
 
 _SURELY = 1.0 + 1e-9

@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 from bowden.core.units import RADIANS
 from bowden.plants.bench import Bench
-from bowden.plants.cable_plant import CablePlant
 from bowden.plants.transmission import transmission
 from bowden.sim.joint import CabledJoint, JointMotor, Range
 
@@ -97,7 +96,7 @@ def parting_of(joint: CabledJoint, bends: Sequence[Range], stroke: Range, i: int
     )
 
 
-def _lag(bench: Bench | CablePlant) -> float:
+def _lag(bench: Bench) -> float:
     """How much later than its target a motor is at a steady speed [s]."""
     servo = bench.servo
     return 2.0 * servo.damping / servo.natural_frequency + bench.delay * bench.sample_time

@@ -1,7 +1,10 @@
 """On what a rig's loop must hold: its plant, the bends of its sheath and the stroke of its reference."""
 
+from typing import Any, cast
+
 import numpy as np
 
+from bowden.plants.estimated import Estimated
 from bowden.plants.plant import Plant
 from bowden.rig.rig import Rig
 
@@ -13,7 +16,7 @@ _WHOLE = 60.0
 
 
 def judged(rig: Rig) -> Plant:
-    """What a law is judged on: what the rig moves.
+    """What a law is judged on: what the rig moves, with the estimate of its joint where no encoder measures it.
 
     Under the wearer's push the law is the inner loop, and who pushes is no part of it: the suit is then judged on a
     wearer who neither resists nor moves. What the push may ask for, the limits of [admittance] say.
@@ -21,9 +24,10 @@ def judged(rig: Rig) -> Plant:
     Raises:
         ParameterError: a part that cannot be.
     """
-    if rig.worn is None or rig.pushing is None:
-        return rig.moved
-    return rig.worn._replace(wearer=rig.worn.wearer._replace(stiffness=0.0, damping=0.0, swing=0.0, tremor=0.0))
+    plant: Any = rig.moved
+    if rig.worn is not None and rig.pushing is not None:
+        plant = rig.worn._replace(wearer=rig.worn.wearer._replace(stiffness=0.0, damping=0.0, swing=0.0, tremor=0.0))
+    return cast(Plant, Estimated(plant, rig.joint_model)) if rig.joint_sensor.estimated else plant
 
 
 def bends(rig: Rig) -> tuple[float, float]:

@@ -8,8 +8,7 @@ import numpy as np
 from bowden.control.law import Law
 from bowden.control.source import TABLE
 from bowden.plants.user_plant import UserPlant
-from bowden.records.trace import Trace
-from bowden.records.traces import Traces
+from bowden.records.trace import Trace, Traces
 from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
 from bowden.sim import ranges

@@ -23,6 +23,8 @@ from bowden.plants.plant import (
     Dynamics,
     Plant,
     SheathPath,
+    joint_sense,
+    joint_start,
     measured_as,
     plain,
     plant_advance,
@@ -30,8 +32,8 @@ from bowden.plants.plant import (
     plant_look,
     plant_observe,
     plant_rest,
-    plant_sample,
     refuse_no_number,
+    sample_of,
     sheath_at,
     sheath_path,
 )
@@ -56,6 +58,7 @@ def run_loop(
     conditioning: Conditioning,
     source: Any,
     plant: Any,
+    sensing: Any,
     references: Array,
     sheath: SheathPath,
     normals: Array,
@@ -78,6 +81,7 @@ def run_loop(
         conditioning: of its reference.
         source: settings of what makes the reference.
         plant: `Dynamics.plant`.
+        sensing: `Dynamics.sensing`.
         references: what the source gets (3, n); overwritten with what it makes of them.
         sheath: at the edges of the cycles.
         normals: of the sensors (n, m).
@@ -93,12 +97,16 @@ def run_loop(
     """
     cycles, spent = references.shape[1], 0.0
     body = plant_rest(plant, initial_motor, sheath_at(sheath, 0))
-    _, first = plant_observe(plant, body, normals[0])
+    seen = plant_look(plant, body)
+    sensor = joint_start(sensing, seen[0], initial_motor)
+    _, first = joint_sense(sensing, sensor, plant_observe(plant, body, normals[0])[1], seen[0], normals[0], dt)
     settings = bare_settings(gains, conditioning, source)
-    state = bare_start(settings, measured_as(plant_sample(first), first))
+    state = bare_start(settings, measured_as(sample_of(first), first))
     for k in range(cycles):
-        body, measured = plant_observe(plant, body, normals[k])
-        sample = as_it_is(fault, plant_sample(measured), kept, k)
+        body, read = plant_observe(plant, body, normals[k])
+        seen = plant_look(plant, body)  # which begins with its joint
+        sensor, measured = joint_sense(sensing, sensor, read, seen[0], normals[k], dt)
+        sample = as_it_is(fault, sample_of(measured), kept, k)
         measured = measured_as(sample, measured)
         scheduled = Reference(references[0, k], references[1, k], references[2, k])
         state, reference, command, _ = one_cycle(settings, state, measured, Plan(LAW, initial_motor, scheduled), dt)
@@ -108,7 +116,6 @@ def run_loop(
         record[1, k] = sample.motor
         record[2, k] = command
         record[3, k] = plant_effort(plant, body, now)
-        seen = plant_look(plant, body)
         columns = flat(seen)
         for j in range(len(columns)):
             record[4 + j, k] = columns[j]
@@ -120,7 +127,7 @@ def run_loop(
                 asked = flat(state.source)
                 for j in range(len(asked)):
                     states[len(numbers) + j, k] = asked[j]
-        spent += (seen[0] - reference.position) ** 2  # what a plant shows begins with its joint
+        spent += (seen[0] - reference.position) ** 2
         if not abs(command) < RUNAWAY or spent > allowed:
             return k
         applied = record[2, k - delay] if k >= delay else initial_motor
@@ -266,6 +273,7 @@ class Ready:
                 law.conditioning,
                 source.settings,
                 self.dynamics.plant,
+                self.dynamics.sensing,
                 references,
                 inputs.sheath,
                 inputs.normals,

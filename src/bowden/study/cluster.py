@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from bowden.core.errors import BowdenError, ParameterError
-from bowden.study.pack import compute, packed
 from bowden.study.study import Study, software
-from bowden.study.workers import Done, Work
+from bowden.study.workers import Done, Work, compute, packed
 
 _PATIENCE = 10.0
 """For a scheduler or a first worker to answer [s]."""

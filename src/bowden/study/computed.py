@@ -163,7 +163,6 @@ def _fill(
     progress: Progress,
 ) -> None:
     from bowden.study import workers as campaign_workers
-    from bowden.study.pack import warm
 
     if not work:
         return
@@ -178,7 +177,7 @@ def _fill(
         results = on_cluster(study, work, cluster)
     else:
         progress("compiling", done / total)
-        warm(study)
+        campaign_workers.warm(study)
         in_one = count == 1
         results = (
             campaign_workers.in_this_process(study, work)

@@ -9,9 +9,8 @@ from bowden.core.errors import ParameterError
 from bowden.rig.config import checked_file, read_toml
 from bowden.rig.rig import Rig
 from bowden.study.distributions import Value
-from bowden.study.file import read_study
+from bowden.study.file import LONGEST, read_study
 from bowden.study.keys import missing_for, nearest, numeric_keys, plant_keys, simulated, with_values
-from bowden.study.schema import LONGEST
 from bowden.study.study import SENSOR_FAULTS, Column, Study
 
 _TRIED = 100
@@ -70,7 +69,7 @@ def load(path: Path, over: Rig | None = None, *, own_law: bool = False) -> Study
                 f"{path}: vary has {key!r}, which changes nothing here", expected=missing, do="add that to [set]"
             )
     columns = tuple(Column(name, _unit(name, known), spread) for name, spread in spreads.items())
-    study = Study(path, file, rig, given, laws, columns)
+    study = Study(path, file, rig, given, columns)
     if rig.pushing is not None and "suit.drive_integral_per_s" not in file.vary:
         try:  # where it is varied, each run says which
             rig.pushing.refuse_integral()

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,18 +13,18 @@ import numpy as np
 from bowden import __version__
 from bowden.control import Law
 from bowden.control.knowledge import Knowledge
-from bowden.control.law_file import LawFile
-from bowden.core import user_file
+from bowden.control.law_file import LawFile, loaded
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_cache import source_hash
+from bowden.core.own_file import digest
 from bowden.models.cable.sheath_path import BendPath
 from bowden.plants.bends import RandomBend
 from bowden.rig.rig import Rig
 from bowden.sim.injected import Injected, SensorFault
 from bowden.sim.run import Case
-from bowden.study.distributions import Distribution, Value, describe
+from bowden.study.distributions import Distribution, Value
+from bowden.study.file import KnownSection, StudyFile
 from bowden.study.keys import simulated, with_values
-from bowden.study.schema import KnownSection, StudyFile
 
 SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <= kind <= Injected.MOTOR_SIGN]
 """Faults that change what the law is shown and nothing else."""
@@ -67,9 +67,15 @@ class Study:
     """With what [set] changes, and the study's duration."""
     given: tuple[str | LawFile, ...]
     """The laws as they are named."""
-    laws: tuple[Law, ...]
-    """With their own gains."""
     columns: tuple[Column, ...]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    @cached_property
+    def laws(self) -> tuple[Law, ...]:
+        """With their own gains."""
+        return tuple(map(loaded, self.given))
 
     @property
     def duration(self) -> float:
@@ -187,8 +193,8 @@ class Study:
     def identity(self) -> dict[str, Any]:
         """All that the results depend on, as JSON values: two studies with the same give the same rows."""
         laws = [law for law in self.given if isinstance(law, LawFile)]
-        files = {Path(law.path).name: user_file.fingerprint(law.source) for law in laws}
-        files |= {one.file: user_file.fingerprint(one.source) for law in laws for one in law.modules}
+        files = {Path(law.path).name: digest(law.source)[:16] for law in laws}
+        files |= {one.file: digest(one.source)[:16] for law in laws for one in law.modules}
         return {
             "bowden": software(),
             "laws": [law.name for law in self.laws],
@@ -197,7 +203,7 @@ class Study:
             "duration_s": self.duration,
             "rig": simulated(self.rig),
             "plant": self.plant_hash,
-            "draws": {column.name: describe(column.spread) for column in self.columns},
+            "draws": {column.name: {column.spread.kind: list(column.spread.given)} for column in self.columns},
             "known": self.file.known is not None,
             "files": files,
         }

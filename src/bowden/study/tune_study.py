@@ -13,9 +13,9 @@ from bowden.core.units import DEGREES
 from bowden.sim.many import Outcome, simulate_many
 from bowden.sim.run import Case
 from bowden.study.figures import wilson
-from bowden.study.pack import packed, unpacked
 from bowden.study.results import PlantsSpread
 from bowden.study.study import Study
+from bowden.study.workers import packed, unpacked
 
 TUNED, JUDGED = 24, 400
 """Plants that gains are tuned against, and others that they are judged by, at most."""

@@ -1,4 +1,4 @@
-"""Who computes the chunks of a campaign: this process, others on this machine, or a cluster."""
+"""Who computes the chunks of a campaign: this process, or others, which get the study as bytes."""
 
 import multiprocessing
 import os
@@ -8,13 +8,17 @@ import threading
 from collections.abc import Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import lru_cache
 from multiprocessing import connection
 from typing import TYPE_CHECKING
 
+from bowden.control import user_law
 from bowden.core.errors import ParameterError
 from bowden.design.processes import starting
-from bowden.study.pack import compute, packed, rows
-from bowden.study.study import Study
+from bowden.study.rows import table_of
+from bowden.study.study import Study, software
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -25,6 +29,65 @@ Done = Generator[tuple[int, "pa.Table"], None, None]
 """Chunks with their rows, in the order in which they are ready."""
 _PATIENCE = 3
 """How often processes may die, one or several at a time, without anything having been finished in between."""
+
+
+def packed(study: Study) -> bytes:
+    """The study with the models, recordings and laws that it needs.
+
+    Raises:
+        ParameterError: a plant or a reference that exists only in this process.
+    """
+    study.rig.document()  # refuses what other processes cannot have
+    return pickle.dumps((software(), pickle.dumps(study)))
+
+
+@lru_cache(2)
+def unpacked(pack: bytes) -> Study:
+    """The study again.
+
+    Raises:
+        ParameterError: it comes from another version of the package.
+    """
+    theirs, study = pickle.loads(pack)
+    if theirs != software():
+        raise ParameterError(
+            f"a worker has bowden {software()}, and the command {theirs}",
+            expected="the same software on both",
+            do="install it there",
+        )
+    found: Study = pickle.loads(study)
+    return found
+
+
+def compute(pack: bytes, first: int, last: int) -> "pa.Table":
+    """The rows of the runs `first` to `last` − 1 of a packed study.
+
+    Raises:
+        ParameterError: another version of the package, or a run whose values do not fit one another.
+    """
+    return rows(unpacked(pack), range(first, last))
+
+
+def rows(study: Study, numbers: range) -> "pa.Table":
+    """`table_of`, with a user's mistakes in one line each.
+
+    Raises:
+        ParameterError: see there, or a law that cannot be compiled.
+    """
+    with ExitStack() as stack:
+        for law in study.laws:
+            stack.enter_context(user_law.explained(law))
+        return table_of(study, numbers)
+
+
+def warm(study: Study) -> None:
+    """Compile what the study needs, so that processes on this machine find it: its first run, for a few cycles.
+
+    Raises:
+        ParameterError: a law that cannot be compiled.
+    """
+    cycle = study.run(0)[0].sample_time  # [s]; it may be drawn
+    rows(replace(study, rig=study.rig.replace(duration=8.0 * cycle)), range(1))
 
 
 def in_this_process(study: Study, work: Work) -> Done:

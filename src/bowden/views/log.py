@@ -34,6 +34,8 @@ def lines(found: LogFacts) -> Iterator[tuple[str, str]]:
     if found.rmse_deg is not None:
         figures = f"{found.rmse_deg:.3f}° RMS, {found.peak_deg:.2f}° peak"
         yield "error", f"{figures} over {found.seconds_led:g} s under the law"
+    if found.estimate_std_deg is not None:
+        yield "joint", f"estimated; 1 σ {found.estimate_std_deg:.3f}° RMS under the law"
     yield "begun", found.start_utc
     if found.begin_s:
         yield "first cycle", f"{found.begin_s:.3f} s later, by the column time; counted from here on below"
@@ -72,6 +74,8 @@ def lines(found: LogFacts) -> Iterator[tuple[str, str]]:
         when = "not in force at the log's end" if there is None else f"in force at {there - begin:.3f} s"
         values = f"{change.name} {change.before:.6g} → {change.to:.6g}"
         yield "gain", f"{(change.time_s or begin) - begin:.3f} s: {values}, {when}"
+    for motion in found.motions:
+        yield "motion", f"{(motion.time_s or begin) - begin:.3f} s: {motion.text}"
     left_out = len(events) - _MOST_EVENTS
     for number, event in enumerate(events):
         if left_out > 0 and number == _MOST_EVENTS // 2:

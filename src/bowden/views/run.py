@@ -39,6 +39,8 @@ def print_summary(found: EndedRun) -> None:
         print(f"{found.law}: {found.rmse_deg:.3f}° RMS, {found.peak_deg:.2f}° peak", end="")
         home = ", the motion back to its start included" if found.ended_well else ""
         print(f" over {found.seconds_led:g} s under the law{home}{', on the twin' if found.twin else ''}")
+    if found.estimate_std_deg is not None:
+        print(f"joint estimated; 1 σ {found.estimate_std_deg:.3f}° RMS under the law")
     late, run_time = found.lateness, found.run_time
     if late and run_time:
         print(

@@ -33,10 +33,14 @@ from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 from bowden.models.cable.sheath import Sheath, slope_factor, width
 from bowden.models.suit.suit_angle import SpoolMap, flexor_arm, flexor_travel
+from bowden.models.suit.suit_cable import TAUT
+
+LEAST_DOUBT = 1e-6
+"""Beside any doubt of an estimate, so that its weight is a number [N·m]."""
 
 
 class Chain(NamedTuple):
-    """Knowledge of motor and cables for the estimate; of a rig, as `bowden.plants.suit_push.chain_of` reads it."""
+    """Knowledge of motor and cables for the estimate; of a rig, as `bowden.plants.pushing.chain_of` reads it."""
 
     map: SpoolMap
     extensor_radius: float
@@ -160,7 +164,7 @@ def interaction_step(
     pull_f, pull_e = chain.fabric * max(0.0, flexor - given), chain.fabric * max(0.0, extensor - gone)
     motor_f = chain.cable * max(0.0, r_f * theta + chain.start - flexor)
     motor_e = chain.cable * max(0.0, chain.start - r_e * theta - extensor)
-    taut_f, taut_e = pull_f / (pull_f + 1.0), pull_e / (pull_e + 1.0)
+    taut_f, taut_e = pull_f / (pull_f + TAUT), pull_e / (pull_e + TAUT)
     damping = chain.flesh * (taut_f * lever * lever + taut_e * radius * radius) * joint_rate
     stretch = lever * pull_f - radius * pull_e
 
@@ -173,9 +177,9 @@ def interaction_step(
     soft = chain.cable * chain.fabric / (chain.cable + chain.fabric)
     stiff = soft * (taut_f * lever * lever + taut_e * radius * radius)
     held = soft * chain.half_width * wide * (taut_f * lever + taut_e * radius)
-    stretch_doubt = stiff * doubt.angle + doubt.stiffness * abs(stretch) + doubt.play * held + 1e-6
+    stretch_doubt = stiff * doubt.angle + doubt.stiffness * abs(stretch) + doubt.play * held + LEAST_DOUBT
     unknown = doubt.friction * doubt.friction + (1.0 - direction * direction) / 3.0
-    current_doubt = lever / r_f * chain.friction * sqrt(unknown) + 1e-6
+    current_doubt = lever / r_f * chain.friction * sqrt(unknown) + LEAST_DOUBT
     heavy, light = 1.0 / (stretch_doubt * stretch_doubt), 1.0 / (current_doubt * current_doubt)
     mean = (heavy * stretch + light * by_current) / (heavy + light)
     return InteractionState(

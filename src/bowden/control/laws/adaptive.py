@@ -42,11 +42,11 @@ class AdaptiveGains(NamedTuple):
     slope_adaptation: float = 2.0
     """δ1 [1/(rad²·s²)]."""
     bound_adaptation: float = 2.0
-    """δ2 [1/s]."""
+    """δ2 [1/s²]."""
     slope_leakage: float = 0.005
     """σ1 [rad²·s]."""
     bound_leakage: float = 0.005
-    """σ2 [–]."""
+    """σ2 [s]."""
     derivative_time: float = 0.005
     """τ, time constant of the derivative's filter, which is not in the paper [s]."""
 

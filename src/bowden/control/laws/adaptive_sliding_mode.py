@@ -54,7 +54,7 @@ class AdaptiveSlidingModeGains(NamedTuple):
     """ζ of the servo [–]."""
     bandwidth: Annotated[float, Quantity("q, twice the gain within the boundary layer", "rad/s", live=True)] = 190.0
     adaptation: float = 95.0
-    """γ, with which the gain grows and falls [rad/s]."""
+    """γ, with which the gain grows and falls [1/s]."""
     deadband: float = 0.001
     """ε, size of σ beyond which the gain grows [rad]."""
     least_gain: float = 0.536
@@ -111,7 +111,7 @@ LEAST = 0.01
 
 
 def adaptation(known: Knowledge) -> float:
-    """γ, half of q [rad/s]."""
+    """γ, half of q [1/s]."""
     return 0.5 * contact_bandwidth(known)
 
 

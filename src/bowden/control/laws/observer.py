@@ -33,7 +33,7 @@ class ObserverGains(NamedTuple):
     offset: float = 0.0
     """Joint angle at motor angle zero with ĥ = 0 [rad]."""
     from_reference: float = 0.0
-    """1: ĥ is driven by the reference; 0: by the measured motor angle."""
+    """1: ĥ is driven by the reference; 0: by the measured motor angle [–]."""
 
 
 class ObserverState(NamedTuple):

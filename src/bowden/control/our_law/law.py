@@ -41,6 +41,8 @@ EXPECTED = 0.01
 """Deviation of the motor that says nothing: counts, friction, a step of the plan [rad]."""
 SERVO_DOUBT = 0.5
 """How wrong the servo's time constants may be, as a share of them: f is as much slower, so as not to ring [–]."""
+QUIET = 1e-9
+"""Noise of a joint's reading that is said to have none [rad]."""
 FASTEST = 30.0
 """A joint is no faster; a reading that jumps further is no news, and is taken for the joint's no faster [rad/s]."""
 
@@ -104,7 +106,7 @@ def share_in(rate: float, dt: float) -> float:
 @kernel
 def filter_rate(gains: BowdenGains, dt: float) -> float:
     """q [rad/s]."""
-    through = gains.noise / abs(gains.slope) * sqrt(share_in(observer_rate(gains), dt)) + 1e-9
+    through = gains.noise / abs(gains.slope) * sqrt(share_in(observer_rate(gains), dt)) + QUIET
     return min(1.0 / dt, gains.servo_frequency * sqrt(COMMAND_NOISE / through))
 
 

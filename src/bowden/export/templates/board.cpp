@@ -27,8 +27,12 @@ double board_motor(double *age)
     return NAN;
 }
 
+{% if sensor %}
+/* The joint's angle by its sensor, where a sample came since the last cycle [rad]; NAN in every other one[[ "" if sensor.sensed else ", of this rig in all" ]]. */
+{% else %}
 /* The joint now: [[ "counts of its encoder, as in the rig's log" if counts else "its angle, zero where the arm is straight [rad]" ]].
  * NAN and `age` as above. */
+{% endif %}
 double board_joint(double *age)
 {
     (void)age;

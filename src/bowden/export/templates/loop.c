@@ -24,6 +24,9 @@ static double since; /* this mode began, the preflight with an enabled drive [s]
 static safety_PreflightResult preflight;
 static [[name]]_real from, to, elapsed_way; /* of the motion [rad, rad, s] */
 static loop_Cycle cycle;
+{% if sensor %}
+static joint_TrackedJoint tracked; /* the joint's angle, which no encoder measures */
+{% endif %}
 {% if detector %}
 
 static [[detector]]_[[detector_state]] muscles[LOOP_MUSCLES];
@@ -85,7 +88,7 @@ static safety_Observed observe(const double lateness, const double elapsed)
     safety_Observed observed = {
         .reading = {
             .motor = (double)[[name]]_motor_angle(([[name]]_real)motor),
-            .joint = (double){% if counts %}[[name]]_joint_angle(([[name]]_real)joint){% else %}joint{% endif %},
+            .joint = (double){% if counts and not sensor %}[[name]]_joint_angle(([[name]]_real)joint){% else %}joint{% endif %},
             .current = NAN,
             .tension = NAN,
             .temperature = NAN,
@@ -105,6 +108,14 @@ static safety_Observed observe(const double lateness, const double elapsed)
     joint_age = isfinite(joint) ? joint_late : joint_age + 1.0;
     observed.reading.motor_age = motor_age;
     observed.reading.joint_age = joint_age;
+{% if sensor %}
+    joint_step(&tracked, observed.reading.motor, motor_age, joint_late > 0.0 ? NAN : joint, elapsed);
+    observed.reading.joint = tracked.estimate.angle;
+    observed.reading.joint_age = motor_age;
+    observed.reading.joint_sensor_age = tracked.estimate.age;
+    observed.reading.joint_std = tracked.estimate.std;
+    observed.reading.joint_sensor = joint;
+{% endif %}
 {% if detector %}
     observed.emg_age = age_of_emg(elapsed);
 {% endif %}
@@ -163,6 +174,9 @@ void loop_begin(void)
     }
 {% endif %}
     board_begin();
+{% if sensor %}
+    joint_start(&tracked);
+{% endif %}
     mode = SAFETY_MODE_STOPPED;
     reading = observe(0.0, LOOP_PERIOD).reading;
     safety_cold(&warmth);

@@ -8,6 +8,9 @@
 
 #include "[[name]].h"
 #include "safety.h"
+{% if sensor %}
+#include "joint.h"
+{% endif %}
 {% if detector %}
 #include "course.h"
 #include "envelope.h"
@@ -15,6 +18,7 @@
 {% endif %}
 
 #define LOOP_PERIOD [[period]] /* of a cycle [s] */
+#define SAFETY_EMERGENCY_STOP [[emergency_stop]] /* among the codes of `emergency`, for an emergency stop */
 #define LOOP_IN_[[unit|upper]] /* what board.cpp reads and sends; it looks for this */
 {% if detector %}
 #define LOOP_EMG_RATE [[emg_rate]] /* samples a second of each muscle */

@@ -1,13 +1,16 @@
-[[head]]
+/* [[module.title]]
+ *
+ * [[preamble]]
+ */
 
 #include <math.h>
 
-#include "[[prefix]].h"
+#include "[[module.prefix]].h"
 {% for part in parts if part %}
 
 [[part]]
 {% endfor %}
-{% for name, helper in helpers.items() %}
+{% for name, helper in unit.helpers.items() %}
 
 {% if helper.length %}
 /* the newest first, and what was there one place on */
@@ -28,13 +31,13 @@ static inline [[helper.type]] [[name]](const [[helper.type]] a, const [[helper.t
 }
 {% endif %}
 {% endfor %}
-{% for part in kernels %}
+{% for part in unit.functions.values() %}
 
 [[part]]
 {% endfor %}
 {% for public in functions %}
 
-/* [[public.summary]] */
+[[public.comment]]
 [[public.head]]
 {
 [[public.body]]

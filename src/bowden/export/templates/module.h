@@ -1,12 +1,15 @@
-[[head]]
+/* [[module.title]]
+ *
+ * [[preamble]]
+ */
 
-#ifndef [[prefix|upper]]_H
-#define [[prefix|upper]]_H
+#ifndef [[module.prefix|upper]]_H
+#define [[module.prefix|upper]]_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-typedef [[real]] [[prefix]]_real;
+typedef [[unit.real]] [[module.prefix]]_real;
 
 {% for part in parts if part %}
 [[part]]
@@ -17,7 +20,7 @@ extern "C" {
 #endif
 
 {% for public in functions %}
-/* [[public.summary]] */
+[[public.comment]]
 [[public.head]];
 
 {% endfor %}

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import can
 
+from bowden.core.clock import MonotonicClock, TimeSource
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.opening import Frame, claim, open_bus, putter, quieten, received, taker
 from bowden.hardware.buses.place import ERROR, REMOTE, BusPlace
@@ -20,10 +21,11 @@ class Links:
 
     Args:
         given: an open bus in place of any that would be opened; it stays open, and is not claimed. For tests.
+        clock: by which bring-up waits.
     """
 
-    def __init__(self, given: can.BusABC | None = None) -> None:
-        self._given = given
+    def __init__(self, given: can.BusABC | None = None, clock: TimeSource | None = None) -> None:
+        self._given, self.clock = given, MonotonicClock() if clock is None else clock
         self._links: dict[tuple[str, str], BusLink] = {}
 
     def join(
@@ -35,7 +37,7 @@ class Links:
         synced: bool = False,
         restore: Callable[[], None] | None = None,
     ) -> "BusPort":
-        """Join a bus as the host of one node.
+        """Join a bus as the host of one node; its end of the bus is a context manager, which leaves.
 
         Args:
             place: of the bus.
@@ -67,7 +69,7 @@ class Links:
                 link.close()
                 self._links.pop(place[:2], None)
             raise
-        port = BusPort(link, node, wanted, lambda: self._links.pop(place[:2], None))
+        port = BusPort(link, node, wanted, self.clock, lambda: self._links.pop(place[:2], None))
         port.synced, port.restore = synced, restore
         link.ports.append(port)
         link.forget()
@@ -183,13 +185,26 @@ class BusLink:
 class BusPort:
     """One drive's end of a link."""
 
-    def __init__(self, link: BusLink, node: str, wanted: Callable[[int], bool], emptied: Callable[[], object]) -> None:
-        self.node, self.synced = node, False
+    def __init__(
+        self,
+        link: BusLink,
+        node: str,
+        wanted: Callable[[int], bool],
+        clock: TimeSource,
+        emptied: Callable[[], object],
+    ) -> None:
+        self.node, self.clock, self.synced = node, clock, False
         """Whether what it sends for the whole bus waits for the others who do so; False while it is let go of alone."""
         self.restore: Callable[[], None] | None = None
         self._link, self._wanted, self._emptied = link, wanted, emptied
         self.send, self.gather = link.send, link.gather
         self._frames: deque[Frame] = deque(maxlen=_MOST_WAITING)
+
+    def __enter__(self) -> "BusPort":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.leave()
 
     @property
     def errors(self) -> int:

@@ -2,19 +2,18 @@
 
 A bus is a folder. Each node keeps a listening socket in it, to which a node that joins connects: a link for every two
 nodes, a frame a packet. What one node sends reaches every other, sending never waits, and a node that has died or does
-not read is counted and otherwise without effect, as on a real bus. A node alone on its bus cannot send, since nobody
+not read is without effect, as on a real bus. A node alone on its bus cannot send, since nobody
 acknowledges. (As datagrams, frames would queue up to `net.unix.max_dgram_qlen`, ten of them; and what a node has said
 before it leaves would be lost.)
 
-Frames of CAN-FD go beside the classic ones. A node that has not joined for them counts them and receives none; a real
-controller of classic CAN would destroy them with error frames, so that nobody received them.
+Frames of CAN-FD go beside the classic ones. A node that has not joined for them receives none; a real controller of
+classic CAN would destroy them with error frames, so that nobody received them.
 
 Registered with python-can as interface ``bowden_unix``; can be made directly as well.
 """
 
 import contextlib
 import errno
-import fcntl
 import os
 import select
 import socket
@@ -118,10 +117,6 @@ class UnixBus(can.BusABC):
     ) -> None:
         folder = bus_folder(str(channel))
         self.channel_info = f"bowden_unix bus {folder}"
-        self.undelivered = 0
-        """Frames that a node which does not read, or has died, did not get."""
-        self.skipped = 0
-        """Frames of CAN-FD that this node, of classic CAN, did not receive."""
         self._of_fd = FD | SWITCHED if fd else 0
         self._sent = LOOK_EVERY  # since it looked who has joined
         self._links: dict[int, socket.socket] = {}
@@ -181,12 +176,6 @@ class UnixBus(can.BusABC):
                 link.setblocking(False)
                 self._add(link)
 
-    @property
-    def others(self) -> int:
-        """How many other nodes are on the bus, as far as is known here."""
-        self._open_door()
-        return len(self._links) - len(self._mute)
-
     def fileno(self) -> int:
         """What becomes readable with a frame, or a node that joins."""
         return self._ready.fileno()
@@ -229,10 +218,10 @@ class UnixBus(can.BusABC):
             if number not in self._mute:
                 try:
                     link.send(frame)
-                except OSError as error:
-                    self.undelivered += 1
-                    if not isinstance(error, BlockingIOError):
-                        self._mute.add(number)
+                except BlockingIOError:  # it does not read
+                    continue
+                except OSError:
+                    self._mute.add(number)
         if len(self._links) == len(self._mute):
             raise can.CanOperationError("no other node on the bus acknowledges")
 
@@ -287,9 +276,7 @@ class UnixBus(can.BusABC):
             self._links.pop(number).close()
         elif len(frame) == FRAME.size:
             identifier, length, of_fd, data = FRAME.unpack(frame)
-            if of_fd and not self._of_fd:
-                self.skipped += 1
-            else:
+            if not of_fd or self._of_fd:
                 self._waiting.append((identifier, of_fd, data[:length]))
 
     def shutdown(self) -> None:
@@ -312,6 +299,8 @@ def _alone(folder: Path) -> Iterator[None]:
     """No two nodes join at once: each would introduce itself to the other, and their frames arrive twice."""
     descriptor = os.open(folder / "door.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
+        import fcntl  # which Windows has not, where rigs for this bus are made and checked too
+
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:

@@ -19,18 +19,16 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.place import EXTENDED, REMOTE
 from bowden.hardware.drives import ak_frames as frames
-from bowden.hardware.drives.checklist import Conversation, Found, data_of, joined, refuse_torque
+from bowden.hardware.drives.checklist import Conversation, Found, refuse_torque
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.families import ak_mit
-from bowden.hardware.drives.families.ak_mit import UPLOAD, AkParameters, command_id, model_of, motor_scale, reply_id
+from bowden.hardware.drives.families.ak_mit import UPLOAD, AkParameters, command_id, model_of, reply_id
 from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import LimitedRange, bounded_torque, counts_at_home, motor_limits
+from bowden.hardware.drives.scale import LimitedRange, bounded_torque, found_scale, motor_limits, motor_scale
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
-MOST_UNANSWERED = 16
-"""Commands that are waited for at most; what is older than these is lost."""
 LISTENING = 1.0
 """So long the bus is listened to before anything is said on it: another master gives its commands in it [s]."""
 TRIAL = 8
@@ -67,7 +65,7 @@ class AkDrive(Driver):
 
     def _find(self, port: BusPort) -> Found:
         drive = self._drive
-        bus = Conversation(port, drive.node_id, self._is_others)
+        bus = Conversation(port, drive.node_id, self._is_others, drive.answer_timeout)
         bus.listen(LISTENING)
         first = self._replied(bus)
         if abs(first.torque) > STRAIN * self._model.torque:
@@ -83,8 +81,7 @@ class AkDrive(Driver):
                 do="bring the motor near its zero by hand; check drive.model and the drive's encoder",
             )
         last = replies[-1]
-        home = counts_at_home(drive, last.position, self.turn, motor_scale(drive))
-        scale = self._scale = motor_scale(drive, home)
+        scale = self._scale = found_scale(drive, last.position, self.turn)
         try:
             ak_mit.check_range(drive, scale, "as it counts them now")
         except ParameterError as error:
@@ -109,7 +106,7 @@ class AkDrive(Driver):
         drive = self._drive
         order = self._command_id, frames.pack_command(_LIMP, self._model) if self._v3 else frames.EXIT
         for _ in range(2):
-            data = bus.ask(order, drive.answer_timeout, data_of(self._reply_id), 1)
+            data = bus.ask(order, lambda identifier, data: data if identifier == self._reply_id else None, 1)
             if data is None:
                 continue
             reply = frames.unpack_reply(data, *self._told_by)
@@ -129,7 +126,7 @@ class AkDrive(Driver):
                 "maker's tool, or board in [drive]",
             )
         upload = EXTENDED | UPLOAD << 8 | drive.node_id
-        if bus.wait(drive.answer_timeout, data_of(upload)) is not None:
+        if bus.wait(drive.answer_timeout, lambda identifier, _: identifier == upload or None):
             raise DriveError(
                 f"{bus.name} uploads its state by itself (frames {upload & ~EXTENDED:X}h): it is in servo mode, or "
                 "is a board V3",
@@ -162,7 +159,7 @@ class AkDrive(Driver):
 
     def _begin(self, found: Found | None) -> None:
         self._entered = False
-        self._unanswered = self._until_off = self._trial = 0
+        self._until_off = self._trial = 0
         self._position = math.nan  # of the drive, over the ends of its range
         self._speed = self._torque = self._expected = 0.0
         self._stuck = math.nan, math.nan  # the reported torque, and what was expected when it was reported first
@@ -180,16 +177,11 @@ class AkDrive(Driver):
             self._take_reply(reply, now)
         return True
 
-    def _judge(self, now: float) -> None:
-        self._check_silence(now)
-        self._update_state(self._standing())
-
     def _take_reply(self, reply: frames.AkReply, now: float) -> None:
         """A reply of the drive."""
         drive, readings = self._drive, self._readings
-        if self._unanswered == 0 and not self._v3:
-            readings.foreign += 1.0  # it answers somebody else
-        self._unanswered = 1 if self._v3 else max(0, self._unanswered - 1)
+        if not self._v3:
+            self._answered()
         self._until_off = max(0, self._until_off - 1)
         readings.replied_at = now
         if self._lost:
@@ -271,7 +263,7 @@ class AkDrive(Driver):
         """
         if self._entered:
             self._order(frames.pack_command(_LIMP, self._model))
-            self._until_off = self._unanswered + 1
+            self._until_off = 2 if self._v3 else self._unanswered + 1
         self._entered, self._expected = False, 0.0
         self._order(frames.EXIT)
 
@@ -297,7 +289,8 @@ class AkDrive(Driver):
             if data == frames.ENTER:
                 return
             data = frames.pack_command(_LIMP, self._model)
-        self._unanswered = 1 if self._v3 else min(MOST_UNANSWERED, self._unanswered + 1)
+        if not self._v3:
+            self._ordered()
         self._send(self._command_id, data)
 
 
@@ -332,7 +325,7 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
         if identifier in told and (v3 or 0 < reply.number <= HIGHEST):
             found[reply.number] = reply
 
-    with joined(place(drive), drive.node_id, links) as port:
+    with links.join(place(drive), f"node {drive.node_id}", lambda _: True) as port:
         bus = Conversation(port, drive.node_id, lambda identifier, _: not v3 and 0 < identifier <= HIGHEST)
         bus.wait(LISTENING, looked_at)
         if bus.foreign is not None:

@@ -35,7 +35,7 @@ _OF_NODES = (frames.EMERGENCY, frames.TPDO1, frames.TPDO2, frames.TPDO3, 0x480, 
 """What a node sends."""
 
 
-class Dialogue:
+class Dialogue(Conversation):
     """One node, asked while nobody else reads its bus.
 
     Args:
@@ -50,16 +50,14 @@ class Dialogue:
         self, port: BusPort, node_id: int, host_id: int, timeout: float, kind: str = "a CiA 402 drive"
     ) -> None:
         ours = frames.of_the_host(node_id, host_id)
-        self.bus = Conversation(port, node_id, lambda identifier, _: identifier in ours)
-        self.number, self.name = node_id, self.bus.name
-        """The node's."""
+        super().__init__(port, node_id, lambda identifier, _: identifier in ours, timeout)
         self.booted = False
         """True if the node has started again."""
         self.emergencies: list[int] = []
         """Error codes of the node, in their order."""
         self.transmitted = 0
         """How often TPDO 1 of the node has come."""
-        self._timeout, self._kind, self._nodes = timeout, kind, set[int]()
+        self._kind, self._nodes = kind, set[int]()
         self._object = b""  # that the transfer is of
         self._kept: dict[tuple[int, int], tuple[int, int]] = {}
         """What was written last, and the bits of it that count."""
@@ -99,7 +97,7 @@ class Dialogue:
         Raises:
             DriveError: no other device is on the bus.
         """
-        self.bus.port.send_now(cob_id, data)
+        self.port.send_now(cob_id, data)
 
     def answers(self) -> bool:
         """True if the node answers at all; one that NMT has stopped, or that is not there, does not."""
@@ -132,7 +130,7 @@ class Dialogue:
             return data if ours and data[0] & _SPECIFIER == kind else None
 
         question = frames.SDO_REQUEST + self.number, request
-        said = self.bus.ask(question, self._timeout, self._noted(answered), _TRIES)
+        said = self.ask(question, self._noted(answered), _TRIES)
         if said is None:
             self._abort(_TIMED_OUT)
             raise SdoCommunicationError("No SDO response received")
@@ -163,7 +161,7 @@ class Dialogue:
         for _ in range(round(span / _GLANCE)):
             if until():
                 return True
-            self.bus.wait(_GLANCE, self.take)
+            self.wait(_GLANCE, self.take)
         return until()
 
     def read_if_there(self, index: int, sub: int = 0, *, signed: bool = False) -> int | None:
@@ -303,7 +301,7 @@ class Dialogue:
         with contextlib.suppress(DriveError):
             for number in range(1, 128):
                 self.send(frames.SDO_REQUEST + number, frames.pack_sdo_read(0x1000, 0))
-            self.bus.wait(_TRIES * self._timeout, self.take)
+            self.wait(_TRIES * self._timeout, self.take)
         return sorted(self._nodes - {self.number})
 
     def reaches(self, state: int, patience: int = 3) -> bool:
@@ -312,4 +310,4 @@ class Dialogue:
         def beat(identifier: int, data: bytes) -> int | None:
             return frames.unpack_heartbeat(data) if identifier == frames.HEARTBEAT + self.number else None
 
-        return any(self.bus.wait(self._timeout, self._noted(beat)) == state for _ in range(patience))
+        return any(self.wait(self._timeout, self._noted(beat)) == state for _ in range(patience))

@@ -18,14 +18,14 @@ from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives import checklist
 from bowden.hardware.drives.canopen_dialogue import NO_REMOTE, Dialogue
-from bowden.hardware.drives.checklist import DriveLimit, Found, joined, refuse_torque
+from bowden.hardware.drives.checklist import DriveLimit, Found, refuse_torque
 from bowden.hardware.drives.cia402 import CYCLIC_SYNCHRONOUS_POSITION, WITH_TORQUE, Controlword, controlword, decode
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, SAFE_TORQUE_OFF, emergency_text
-from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, load_of, motor_scale
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, load_of
 from bowden.hardware.drives.findings import UNWATCHED, WATCH_EVERY
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import Scale, SuitScale, bounded_torque, motor_limits
+from bowden.hardware.drives.scale import Scale, SuitScale, bounded_torque, motor_limits, motor_scale
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.rig.families import FoundDevice
 
@@ -59,7 +59,7 @@ def check_alone(node: Dialogue, drive: DriveParameters) -> None:
     Raises:
         DriveError: one has.
     """
-    cob_id = node.bus.foreign
+    cob_id = node.foreign
     if cob_id is not None:
         who = (
             f"a node {drive.host_id}, which is the number of this computer,"
@@ -108,25 +108,6 @@ def _try_watch(node: Dialogue, drive: DriveParameters, state: DriveState) -> Non
     if not node.reaches(frames.OPERATIONAL, 1):
         _start(node)  # one without 1029h leaves operational when its host is lost
     if state is not DriveState.FAULT and signals:
-        _reset(node, drive)
-
-
-def restore(port: BusPort, drive: DriveParameters) -> None:
-    """Bring back a drive that has missed its host's heartbeat while another drive on its bus was tried: both get it.
-
-    Args:
-        port: of its bus, read by nobody else.
-        drive: that was set up, without a fault.
-
-    Raises:
-        DriveError: it does not answer, or stays in fault.
-    """
-    node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
-    if node.read_if_there(0x603F) != HEARTBEAT_LOST:
-        return
-    if not node.reaches(frames.OPERATIONAL, 1):
-        _start(node)
-    if decode(node.read(0x6041)) is DriveState.FAULT:
         _reset(node, drive)
 
 
@@ -346,14 +327,10 @@ def _wanted(said: str, expected: str, do: str) -> Iterator[None]:
         raise DriveError(f"{said}: {error.what}", expected=expected, do=do) from error
 
 
-def serial_of(node: Dialogue) -> str:
-    """Vendor, product and serial number (1018h); empty where it tells no serial number."""
-    vendor, product, serial = (node.read_if_there(0x1018, sub) or 0 for sub in (1, 2, 4))
-    return f"{vendor:X}-{product:X}-{serial}" if serial else ""
-
-
-def identity(node: Dialogue, state: DriveState | None) -> str:
-    """Who a device is, in one line; `state` is None of one that is no drive."""
+def identity(node: Dialogue, state: DriveState | None) -> tuple[str, str]:
+    """Who a device is, in one line, and vendor, product and serial number (1018h), empty where it tells no such number;
+    `state` is None of one that is no drive.
+    """
     vendor, product, revision, serial = (node.read_if_there(0x1018, sub) or 0 for sub in (1, 2, 3, 4))
     name = node.text(0x1008) or ("device" if state is None else "CiA 402 drive")
     who = f"{name} at {node.name}, vendor 0x{vendor:X}, product 0x{product:X}, "
@@ -363,7 +340,7 @@ def identity(node: Dialogue, state: DriveState | None) -> str:
         who += f", supply {1e-3 * supply:.1f} V"
     if state is DriveState.FAULT:
         who += f"; in fault, {emergency_text(node.read_if_there(0x603F) or 0)}"
-    return who
+    return who, f"{vendor:X}-{product:X}-{serial}" if serial else ""
 
 
 PROFILES = {401: "inputs and outputs", 402: "servo drive", 404: "measuring device", 406: "encoder"}
@@ -380,9 +357,9 @@ def probe(drive: DriveParameters, links: Links) -> list[FoundDevice]:
     Raises:
         DriveError: the bus cannot be used, or another host is on it.
     """
-    with joined(place(drive), drive.node_id, links) as port:
+    with links.join(place(drive), f"node {drive.node_id}", lambda _: True) as port:
         node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
-        node.waits(LISTENING, lambda: node.bus.foreign is not None)
+        node.waits(LISTENING, lambda: node.foreign is not None)
         check_alone(node, drive)
         found = []
         for number in sorted([drive.node_id] * node.answers() + node.others()):
@@ -390,7 +367,7 @@ def probe(drive: DriveParameters, links: Links) -> list[FoundDevice]:
             kind = (node.read_if_there(0x1000) or 0) & 0xFFFF
             what = f"{PROFILES.get(kind, 'device')} (CiA {kind})" if kind else "CANopen device"
             state = decode(node.read_if_there(0x6041) or 0) if kind == 402 else None
-            found.append(FoundDevice(number, what, identity(node, state), "" if state is None else state.name))
+            found.append(FoundDevice(number, what, identity(node, state)[0], "" if state is None else state.name))
         return found
 
 
@@ -439,7 +416,7 @@ class CanopenDrive(Driver):
     def _find(self, port: BusPort) -> Found:
         drive = self._drive
         node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
-        node.waits(LISTENING, lambda: node.bus.foreign is not None)
+        node.waits(LISTENING, lambda: node.foreign is not None)
         check_alone(node, drive)
         node.booted = False  # one that has just been switched on
         if not node.answers():  # an end of ours has stopped it: only then may it be written to before it is known
@@ -469,7 +446,7 @@ class CanopenDrive(Driver):
                 do="set the motor's data in the drive with its maker's tool",
             )
         _check_rated(node, drive, rated_torque / drive.needs.torque_constant)
-        said, serial = identity(node, state), serial_of(node)
+        said, serial = identity(node, state)
         _start(node)
         _try_watch(node, drive, state)
         check_alone(node, drive)
@@ -483,8 +460,21 @@ class CanopenDrive(Driver):
         return Found(said, motor, joint, motor_limits(drive, motor), state, 0, serial, rated_torque)
 
     def _restore(self) -> None:
-        if self._port is not None and self._found is not None and self._found.state is not DriveState.FAULT:
-            restore(self._port, self._drive)
+        """Bring it back where it has missed our heartbeat while another drive on its bus was tried: both get it.
+
+        Raises:
+            DriveError: it does not answer, or stays in fault.
+        """
+        drive = self._drive
+        if self._port is None or self._found is None or self._found.state is DriveState.FAULT:
+            return
+        node = Dialogue(self._port, drive.node_id, drive.host_id, drive.answer_timeout)
+        if node.read_if_there(0x603F) != HEARTBEAT_LOST:
+            return
+        if not node.reaches(frames.OPERATIONAL, 1):
+            _start(node)
+        if decode(node.read(0x6041)) is DriveState.FAULT:
+            _reset(node, drive)
 
     def _concerns(self, identifier: int) -> bool:
         return identifier & 0x7F == self._drive.node_id or identifier in self._ours
@@ -544,6 +534,12 @@ class CanopenDrive(Driver):
             return False
         return True
 
+    def _check_silence(self, now: float) -> None:
+        """One that has started again says so in its heartbeat."""
+
+    def _standing(self) -> DriveState:
+        return self._statusword_state if self._operational else DriveState.NOT_READY_TO_SWITCH_ON
+
     def _judge(self, now: float) -> None:
         readings = self._readings
         there = max(readings.motor_age, readings.joint_age) <= MOST_ANGLES_AGE
@@ -551,8 +547,6 @@ class CanopenDrive(Driver):
         if self._has_stop and (missing or not self._stop_released):
             readings.emergency = EMERGENCY_STOP
         self._inputs_age += 1
-        self._update_state(self._statusword_state if self._operational else DriveState.NOT_READY_TO_SWITCH_ON)
-        self._check_inert(now)
         if self._unwatched and self._operational:
             readings.found(UNWATCHED)
         readings.sampled = self._written

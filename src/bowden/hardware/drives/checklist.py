@@ -10,18 +10,17 @@
 8. Alone still, and of a drive in fault which one.
 """
 
-import contextlib
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeVar
 
-from bowden.core.clock import SECOND, MonotonicClock, TimeSource
+from bowden.core.clock import SECOND
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.core.units import DEGREES
-from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.link import BusPort
 from bowden.hardware.buses.opening import Frame
-from bowden.hardware.buses.place import EXTENDED, BusPlace
+from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale
 
 LISTENING = 0.5
@@ -58,8 +57,8 @@ class Conversation:
         port: of its bus, while no cycle runs.
         node: the drive's number.
         is_foreign: whether a frame is one that only this host may send, or an answer to somebody else.
+        timeout: how long an answer may take [s].
         others: programs that may be another master.
-        clock: to wait by.
     """
 
     def __init__(
@@ -67,11 +66,11 @@ class Conversation:
         port: BusPort,
         node: int,
         is_foreign: Callable[[int, bytes], bool],
+        timeout: float = math.nan,
         others: str = "the other program",
-        clock: TimeSource | None = None,
     ) -> None:
-        self._clock = MonotonicClock() if clock is None else clock
-        self.port, self.name, self._is_foreign, self._others = port, f"node {node}", is_foreign, others
+        self.port, self.number, self.name, self._timeout = port, node, f"node {node}", timeout
+        self._is_foreign, self._others = is_foreign, others
         self.foreign: int | None = None
         """Identifier of the first frame that nobody but this host may send; None where none has come."""
 
@@ -102,9 +101,10 @@ class Conversation:
 
         What waits at its end is looked at too: a computer that stalls is no silence.
         """
-        ends = self._clock.now() + round(span * SECOND)
+        clock = self.port.clock
+        ends = clock.now() + round(span * SECOND)
         for _ in range(MOST_LISTENED):
-            left = (ends - self._clock.now()) / SECOND
+            left = (ends - clock.now()) / SECOND
             frame = self.port.wait_for(lambda identifier, data: True, max(0.0, left))
             if frame is None:
                 if left <= 0.0:
@@ -117,35 +117,14 @@ class Conversation:
                 return said
         return None
 
-    def ask(
-        self, question: Frame, span: float, matches: Callable[[int, bytes], Said | None], tries: int = TRIES
-    ) -> Said | None:
-        """The answer to a question, which is asked again where none comes within a `span` [s]; None of none."""
+    def ask(self, question: Frame, matches: Callable[[int, bytes], Said | None], tries: int = TRIES) -> Said | None:
+        """The answer to a question, which is asked again where none comes in time; None of none."""
         for _ in range(tries):
             self.port.send_now(*question)
-            said = self.wait(span, matches)
+            said = self.wait(self._timeout, matches)
             if said is not None:
                 return said
         return None
-
-
-def data_of(wanted: int) -> Callable[[int, bytes], bytes | None]:
-    """What a frame of one identifier says, for `Conversation.ask`."""
-    return lambda identifier, data: data if identifier == wanted else None
-
-
-@contextlib.contextmanager
-def joined(bus: BusPlace, node: int, links: Links) -> Iterator[BusPort]:
-    """A bus while somebody looks at who is on it.
-
-    Raises:
-        DriveError: it cannot be joined.
-    """
-    port = links.join(bus, f"node {node}", lambda _: True)
-    try:
-        yield port
-    finally:
-        port.leave()
 
 
 def refuse_torque(name: str, state: str, do: str) -> DriveError:

@@ -17,7 +17,6 @@ from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.findings import INERT, LOST_TURNS, LagWatch
 from bowden.hardware.drives.joint_encoder import JointEncoder, has_encoder
 from bowden.hardware.drives.on_can import place, require
-from bowden.hardware.drives.scale import TurnCount
 from bowden.hardware.ports import Power, TorqueLeft
 
 
@@ -79,6 +78,9 @@ LOST = 0.1
 """Silence of a drive after which it may have started again, with other limits and another position [s]."""
 SETTLED = 10
 """Orders to follow the target, in a row, after which a drive is expected to do it, and every answer is to one."""
+MOST_UNANSWERED = 16
+"""Orders whose answers are waited for at most, but for those of a stall that goes on or has just ended: a drive, or a
+computer that plays one, answers them all at once then. What is older than these is lost."""
 CLOSING_CYCLES = 20
 """How often the power is told to go off at the end, `CLOSING_WAIT` apart, while the drive has not said that it is."""
 CLOSING_WAIT = 2e-3
@@ -143,8 +145,12 @@ class Driver(ABC):
         """True if a frame is one that nobody but this host may send."""
 
     @abstractmethod
+    def _standing(self) -> DriveState:
+        """Where the drive is in this cycle."""
+
     def _judge(self, now: float) -> None:
-        """Where the drive is in this cycle, by `_update_state`, and what it does not say itself."""
+        """What it does not say itself, of the state that it is in now, and was in the cycle before."""
+        return
 
     @abstractmethod
     def _lead(self, found: Found, counts: float, target: float, torque: float, now: float) -> None:
@@ -216,8 +222,9 @@ class Driver(ABC):
         self._lost = False  # it may have started again
         self._reset = False  # an operator's word for the fault
         self._led = 0  # orders to follow the target, in a row
+        self._unanswered, self._most_unanswered = 0, float(MOST_UNANSWERED)
         self._target = self._written = math.nan  # of the cycle before [rad], [s]
-        self._count = TurnCount(self.turn, math.inf if found is None else found.limits.speed)
+        self._counted = math.nan, math.nan  # its position when it came last, and when that was [s]
         needs, least = self._drive.needs, 0.0 if found is None else self._least_current(found)
         self._lag = LagWatch(needs.current_limit, needs.lag_current, needs.lag_time, least)
         self._readings.begin()
@@ -238,12 +245,15 @@ class Driver(ABC):
                 readings.foreign += 1.0
             elif self._encoder is not None:
                 self._read_joint(self._encoder, identifier, data, now)
+        self._check_silence(now)
+        self._before, self._state = self._state, self._standing()
         self._judge(now)
+        self._check_inert(now)
         return readings.reading(now, self._state, self.errors)
 
     def _read_joint(self, encoder: JointEncoder, identifier: int, data: bytes, now: float) -> None:
         """A frame that is not the drive's."""
-        angle = encoder.read(identifier, data, now)
+        angle = encoder.take(identifier, data, now)
         if angle is not None:
             self._readings.turned(angle)
         elif encoder.foreign(identifier & ~REMOTE):
@@ -266,8 +276,15 @@ class Driver(ABC):
         return float(self._errors + (self._port.errors if self._port else 0))
 
     def _check_turns(self, position: float, now: float) -> None:
-        """One that has lost count of its motor's turns is another than was brought up."""
-        if self._count.lost(position, now):
+        """One that has lost count of its motor's turns is another than was brought up.
+
+        What it reports is what it controls: it pulls at once, as far as it is wrong. So what one reading of an encoder
+        might be forgiven is not here: a change of half a turn that the motor is too slow for, where the rig says how
+        fast that may be.
+        """
+        (last, at), self._counted = self._counted, (position, now)
+        fastest = math.inf if self._found is None else self._found.limits.speed
+        if abs(position - last) > max(0.5 * self.turn, 1.5 * fastest * (now - at)):
             self._lost = True
             self._readings.found(LOST_TURNS)
 
@@ -277,9 +294,17 @@ class Driver(ABC):
         if self._lost:
             self._readings.motor = math.nan
 
-    def _update_state(self, state: DriveState) -> None:
-        """Where the drive is in this cycle."""
-        self._before, self._state = self._state, state
+    def _ordered(self) -> None:
+        """An order has gone out that the drive answers; see `_answered`."""
+        age = self._readings.motor_age
+        most = MOST_UNANSWERED + (age if math.isfinite(age) else 0.0)
+        self._most_unanswered = max(self._most_unanswered - 1.0, most)
+        self._unanswered = min(int(self._most_unanswered), self._unanswered + 1)
+
+    def _answered(self) -> None:
+        """The drive has answered an order: somebody else's where none of ours is open."""
+        self._readings.foreign += float(self._unanswered == 0)
+        self._unanswered = max(0, self._unanswered - 1)
 
     def _has_fallen(self, power: Power, now: float) -> bool:
         """True if the drive has left operation by itself and must not be switched on again as if nothing was.

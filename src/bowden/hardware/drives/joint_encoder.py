@@ -11,15 +11,15 @@ CiA 301 for PDOs, heartbeat and emergency.
 """
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
-from bowden.hardware.drives.canopen_sensor import SensorHealth, SensorKind, identifiers_of_node, sensor, start
+from bowden.hardware.drives.canopen_sensor import CanopenSensor, identifiers_of_node
 from bowden.hardware.drives.scale import LimitedRange, Scale
 
 if TYPE_CHECKING:
-    from bowden.hardware.buses.link import BusPort
     from bowden.hardware.drives.canopen_dialogue import Dialogue
 
 KINDS = {1: "a single-turn absolute rotary encoder", 2: "a multi-turn absolute rotary encoder"}
@@ -30,17 +30,6 @@ POSITION = 0x6004_0020
 """Index, sub-index and length in bits of what TPDO 1 carries."""
 BY_TIMER = 254
 """Transmission type: when the device's timer says so."""
-KIND = SensorKind(
-    what="the joint's encoder",
-    value="its position",
-    profile=406,
-    kinds=tuple(KINDS),
-    expected="profile 406 and type 1 or 2, an absolute rotary encoder",
-    node_key="joint_node_id in [drive]",
-    sync_hint='set joint_sends = "timer" in [drive], if it has one',
-    by_timer=BY_TIMER,
-)
-
 JointSource = Annotated[
     Literal["cia406", "none"],
     Quantity(
@@ -90,70 +79,55 @@ def check_beside(drive: Any, taken: dict[int, str]) -> None:
             )
 
 
-class JointEncoder:
-    """The device, while its drive runs: `bring_up` once, then `read` for each of its frames.
+class JointEncoder(CanopenSensor):
+    """The device; see `CanopenSensor`. By its own timer it sends every millisecond, the shortest that 6200h has.
 
     Args:
         drive: parameters of the drive's family, with the keys above.
     """
 
+    what, quantity = "the joint's encoder", "its position"
+    profile, kinds, by_timer = 406, KINDS, BY_TIMER
+    expected = "profile 406 and type 1 or 2, an absolute rotary encoder"
+    node_key = "joint_node_id in [drive]"
+    sync_hint = 'set joint_sends = "timer" in [drive], if it has one'
+
     def __init__(self, drive: Any) -> None:
-        self._drive, self.node_id = drive, drive.joint_node_id
-        self.synced = drive.joint_sends == "sync"
-        """Whether it waits for our SYNC; otherwise it sends every millisecond, the shortest that 6200h has."""
-        self._health = SensorHealth(self.node_id)
-        self._scale = Scale(1.0, 0.0)
-        self._turns = LimitedRange(math.inf)
+        super().__init__(drive.joint_node_id, drive.answer_timeout, synced=drive.joint_sends == "sync")
+        self._drive, self._scale, self._turns = drive, Scale(1.0, 0.0), LimitedRange(math.inf)
 
     def wants(self, identifier: int) -> bool:
         """True if a frame is of it, or one that only its host may send."""
         return (identifier & 0x7F == self.node_id and identifier > 0x7F) or self.foreign(identifier)
 
-    def foreign(self, identifier: int) -> bool:
-        """True if a frame is one that only its host may send."""
-        return identifier in self._health.ours
-
-    def bring_up(self, port: "BusPort") -> str:
-        """Find, check and configure it, and start it; who it is, in one line.
-
-        Args:
-            port: of its bus, read by nobody else meanwhile.
-
-        Raises:
-            DriveError: no answer, no encoder, another resolution than the rig's, an alarm, or a refused setting.
-        """
-        drive, counts, here = self._drive, self._drive.joint_counts_per_turn, self._drive.home == "here"
-        node, turns = sensor(port, self.node_id, drive.answer_timeout, KIND)
+    def _look(self, node: "Dialogue", kind: int) -> tuple[Sequence[int], str, str]:
+        drive, counts = self._drive, self._drive.joint_counts_per_turn
         span = _check_resolution(node, counts)
         if node.read_if_there(0x6503):
             raise DriveError(
-                f"{node.name}, {KIND.what}, reports an alarm (6503h is 0x{node.read(0x6503):X})",
+                f"{node.name}, {self.what}, reports an alarm (6503h is 0x{node.read(0x6503):X})",
                 expected="no alarm",
                 do="see what its maker's manual says of it",
             )
-        step = drive.joint_direction * 2.0 * math.pi / counts
-        at_home = node.read(0x6004) if here else 0
-        self._scale = Scale(step, drive.joint_home - step * at_home)
-        start(node, KIND, (POSITION,), synced=self.synced, timer=self._set_timer)
-        who = f"{node.text(0x1008) or KINDS[turns]} at {node.name}, {counts:g} counts a turn"
-        self._turns = LimitedRange(span)
-        if span > 0.0:
-            self._turns.follow(at_home if here else 0.0)  # angles begin within half a range of home
-        self._health.begin()
-        return who
+        step, at_home = drive.joint_direction * 2.0 * math.pi / counts, 0
+        if drive.home == "here":
+            at_home = node.read(0x6004)
+        self._scale, self._turns = Scale(step, drive.joint_home - step * at_home), LimitedRange(span)
+        self._turns.follow(at_home)  # angles begin within half a range of home
+        return (POSITION,), KINDS[kind], f"{counts:g} counts a turn"
 
     def _set_timer(self, node: "Dialogue") -> None:
-        """Its own timer, 6200h [ms]."""
+        """6200h [ms]."""
         if not self.synced:
             node.write(0x6200, 0, 1, 2)
         elif node.read_if_there(0x6200):
             node.write(0x6200, 0, 0, 2)
 
-    def read(self, identifier: int, data: bytes, now: float) -> float | None:
+    def take(self, identifier: int, data: bytes, now: float) -> float | None:
         """The joint's angle, if this frame brings one [rad]; takes in what it says of itself."""
-        if self._health.take(identifier, data, now) and len(data) == 4:
+        if self._measures(identifier, data, now) and len(data) == 4:
             counts = self._turns.follow(float(int.from_bytes(data, "little")))
-            if self._health.good(now):
+            if self._good(now):
                 return self._scale.angle(counts)
         return None
 

@@ -17,12 +17,13 @@ Sources: CiA 404, "device profile for measuring devices and closed-loop controll
 """
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_sensor import SensorHealth, SensorKind, identifiers_of_node, sensor, start
+from bowden.hardware.drives.canopen_sensor import CanopenSensor, identifiers_of_node
 from bowden.rig.load_cell import LoadCellParameters
 
 if TYPE_CHECKING:
@@ -37,17 +38,6 @@ NEWTON = 0x21
 """Third byte of 6131h; the fourth is the power of ten before it."""
 NOT_VALID, OVERLOAD, UNDERLOAD = 0x01, 0x02, 0x04
 """Bits of 6150h."""
-WHAT = "the load cell"
-KIND = SensorKind(
-    what=WHAT,
-    value="its value",
-    profile=404,
-    kinds=(),
-    expected="profile 404, a measuring device",
-    node_key="node_id in [load_cell]",
-    sync_hint='set sends = "timer" in [load_cell], if it has one',
-    by_timer=BY_TIMER,
-)
 LOOKED = 0.5
 """So long a plain frame is waited for at bring-up [s]."""
 TRIAL = 8
@@ -61,51 +51,47 @@ def identifiers_of(cell: LoadCellParameters) -> dict[int, str]:
     return identifiers_of_node(cell.node_id, "load_cell.node_id")
 
 
-class LoadCellReader:
-    """The device, while its drive runs: `bring_up` once, then `take` for each of its frames, and `value`.
+class LoadCellReader(CanopenSensor):
+    """The device; see `CanopenSensor`; or one that sends plain frames by itself.
 
     Args:
         given: what the rig says of it.
         timeout: how long an answer may take [s].
     """
 
+    what, quantity = "the load cell", "its value"
+    profile, by_timer = 404, BY_TIMER
+    expected = "profile 404, a measuring device"
+    node_key = "node_id in [load_cell]"
+    sync_hint = 'set sends = "timer" in [load_cell], if it has one'
+
     def __init__(self, given: LoadCellParameters, timeout: float) -> None:
-        self.given, self._timeout = given, timeout
-        self._health = SensorHealth(given.node_id)
+        self._plain = given.source == "can"
+        super().__init__(given.node_id, timeout, synced=not self._plain and given.sends == "sync")
+        self.given = given
         self._frame = given.identifier | EXTENDED * given.extended
         kinds = (frames.TPDO1, frames.HEARTBEAT, frames.EMERGENCY, frames.SDO_ANSWER)
-        of_node = tuple(kind + given.node_id for kind in kinds)
-        self._sends = (self._frame,) if given.source == "can" else of_node
+        self._sends = (self._frame,) if self._plain else tuple(kind + given.node_id for kind in kinds)
         self._wide = True
         self._value, self._came = math.nan, math.nan
 
     @property
-    def synced(self) -> bool:
-        """True if it waits for our SYNC."""
-        return self.given.source == "cia404" and self.given.sends == "sync"
-
-    @property
     def node(self) -> str:
         """Which device, for messages."""
-        plain = self.given.source == "can"
-        return f"{WHAT} ({self.given.identifier:03X}h)" if plain else f"node {self.given.node_id}"
+        return f"{self.what} ({self.given.identifier:03X}h)" if self._plain else f"node {self.given.node_id}"
 
     def wants(self, identifier: int) -> bool:
         """True if a frame is of it, or one that only its host may send."""
         return identifier in self._sends or self.foreign(identifier)
 
     def foreign(self, identifier: int) -> bool:
-        """True if a frame is one that only its host may send."""
-        return self.given.source == "cia404" and identifier in self._health.ours
+        """See `CanopenSensor.foreign`; plain frames have no host."""
+        return not self._plain and super().foreign(identifier)
 
     def bring_up(self, port: "BusPort") -> str:
-        """Find, check and configure it, and start it; who it is, in one line.
-
-        Raises:
-            DriveError: no answer, no measuring device, or a refused setting; or no frame, or a shorter one.
-        """
+        """See `CanopenSensor.bring_up`; of plain frames whether they come, long and often enough."""
         self._value, self._came = math.nan, math.nan
-        return self._find_frame(port) if self.given.source == "can" else self._find_node(port)
+        return self._find_frame(port) if self._plain else super().bring_up(port)
 
     def _find_frame(self, port: "BusPort") -> str:
         given, others = self.given, set()
@@ -118,35 +104,30 @@ class LoadCellReader:
         if frame is None:
             there = ", ".join(f"{one:03X}h" for one in sorted(others)[:6])
             raise DriveError(
-                f"no frame {given.identifier:03X}h of {WHAT} came within {LOOKED:g} s"
+                f"no frame {given.identifier:03X}h of {self.what} came within {LOOKED:g} s"
                 + (f"; there is {there}" if there else ""),
                 expected="a load cell that sends by itself",
                 do="check its supply, cable and bit rate, and load_cell.identifier",
             )
         if len(frame[1]) < given.first_byte + given.bytes:
             raise DriveError(
-                f"the frames {given.identifier:03X}h of {WHAT} have {len(frame[1])} bytes",
+                f"the frames {given.identifier:03X}h of {self.what} have {len(frame[1])} bytes",
                 expected=f"{given.first_byte + given.bytes} at least",
                 do="correct first_byte and bytes in [load_cell]",
             )
         missed = sum(port.wait_for(is_it, given.silence) is None for _ in range(TRIAL))
         if missed > TRIAL // 2:
             raise DriveError(
-                f"frames {given.identifier:03X}h of {WHAT} come too seldom: {missed} of {TRIAL} times none came within "
-                f"{1e3 * given.silence:g} ms",
+                f"frames {given.identifier:03X}h of {self.what} come too seldom: {missed} of {TRIAL} times none came "
+                f"within {1e3 * given.silence:g} ms",
                 expected="one within load_cell.silence_ms",
                 do="set a quicker rate in the device or its amplifier, 100 Hz at least",
             )
         return f"frames {given.identifier:03X}h, {abs(given.scale):g} {given.unit} a count"
 
-    def _find_node(self, port: "BusPort") -> str:
-        given = self.given
-        node, _ = sensor(port, given.node_id, self._timeout, KIND)
-        mapped, said = self._mapped(node), self._unit(node)
-        start(node, KIND, mapped, synced=self.synced, timer=self._set_timer)
-        who = node.text(0x1008) or "a measuring device"
-        self._health.begin()
-        return f"{who} at {node.name}, {abs(given.scale):g} {given.unit} a count{said}"
+    def _look(self, node: "Dialogue", kind: int) -> tuple[Sequence[int], str, str]:
+        given, said = self.given, self._unit(node)
+        return self._mapped(node), "a measuring device", f"{abs(given.scale):g} {given.unit} a count{said}"
 
     def _set_timer(self, node: "Dialogue") -> None:
         """Its event timer, 1800h:5 [ms], and no inhibit time, 1800h:3."""
@@ -161,7 +142,7 @@ class LoadCellReader:
         self._wide = node.read_if_there(VALUE_32, number) is not None
         if not self._wide and node.read_if_there(VALUE_16, number) is None:
             raise DriveError(
-                f"{node.name}, {WHAT}, has no input {number} as a whole number (9130h, 7130h)",
+                f"{node.name}, {self.what}, has no input {number} as a whole number (9130h, 7130h)",
                 expected="a device that has",
                 do="correct load_cell.input",
             )
@@ -181,14 +162,14 @@ class LoadCellReader:
 
     def take(self, identifier: int, data: bytes, now: float) -> None:
         """Take in one of its frames at `now` [s]."""
-        if self.given.source == "can":
+        if self._plain:
             first, length = self.given.first_byte, self.given.bytes
             if identifier == self._frame and len(data) >= first + length:
                 part = data[first : first + length]
                 self._has(int.from_bytes(part, self.given.byte_order, signed=self.given.signed), 0, now)
             return
         size = 4 if self._wide else 2
-        if self._health.take(identifier, data, now) and len(data) in (size, size + 1):
+        if self._measures(identifier, data, now) and len(data) in (size, size + 1):
             status = data[size] if len(data) > size else 0
             self._has(int.from_bytes(data[:size], "little", signed=True), status, now)
 
@@ -205,9 +186,7 @@ class LoadCellReader:
     def value(self, now: float) -> float:
         """The load at `now` [s]; NaN of none that may be believed [N or N·m]."""
         fresh = now - self._came <= self.given.silence
-        if not fresh or (self.given.source == "cia404" and not self._health.good(now)):
-            return math.nan
-        return self._value
+        return self._value if fresh and (self._plain or self._good(now)) else math.nan
 
 
 def usable(value: float, full_scale: float, measures: str) -> float:

@@ -23,11 +23,11 @@ from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.checklist import LISTENING, Conversation, DriveLimit, Found, Setting
 from bowden.hardware.drives.cia402 import WITH_TORQUE
 from bowden.hardware.drives.driver import SETTLED, Driver
-from bowden.hardware.drives.families.moteus import MoteusParameters, command_of, joint_scale, motor_scale
+from bowden.hardware.drives.families.moteus import MoteusParameters, command_of, joint_scale
 from bowden.hardware.drives.findings import LEFT, UNWATCHED
 from bowden.hardware.drives.moteus_frames import MOST_TURNS, TIMED_OUT, BoardMode, NumberKind, Register, fault_text
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import LimitedRange, Scale, SuitScale, motor_limits
+from bowden.hardware.drives.scale import LimitedRange, Scale, SuitScale, found_scale, motor_limits
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -85,7 +85,7 @@ def is_answer(drive: MoteusParameters, identifier: int) -> bool:
     return identifier & 0x1FFF_FFFF == frames.identifier_of(drive.node_id, drive.host_id, drive.can_prefix)
 
 
-class MoteusDialogue:
+class MoteusDialogue(Conversation):
     """Questions and answers with one board.
 
     Args:
@@ -94,10 +94,14 @@ class MoteusDialogue:
     """
 
     def __init__(self, port: BusPort, drive: MoteusParameters) -> None:
+        super().__init__(
+            port,
+            drive.node_id,
+            lambda identifier, _: is_foreign(drive, identifier),
+            drive.answer_timeout,
+            "tview, moteus_tool or the other program",
+        )
         self._drive = drive
-        others = "tview, moteus_tool or the other program"
-        self.bus = Conversation(port, drive.node_id, lambda identifier, _: is_foreign(drive, identifier), others)
-        self.name = self.bus.name
 
     def _ask(self, data: bytes, kinds: tuple[int, ...], tries: int = checklist.TRIES) -> bytes | None:
         """The data of the board's answer, whose first byte is a subframe of one of these kinds."""
@@ -106,9 +110,9 @@ class MoteusDialogue:
             kind = reply[0] & 0xF0 if reply and reply[0] & 0xF0 == frames.REPLY else reply[0] if reply else -1
             return reply if is_answer(self._drive, identifier) and kind in kinds else None
 
-        return self.bus.ask(frame(self._drive, data, reply=True), self._drive.answer_timeout, answered, tries)
+        return self.ask(frame(self._drive, data, reply=True), answered, tries)
 
-    def ask(self, *asked: tuple[NumberKind, int, int], before: bytes = b"") -> dict[int, float]:
+    def registers(self, *asked: tuple[NumberKind, int, int], before: bytes = b"") -> dict[int, float]:
         """Registers, each of a type, from one on, so many; asked for in one frame, after what is written `before`.
 
         Raises:
@@ -122,7 +126,7 @@ class MoteusDialogue:
             found, failed, _ = frames.replied(answer)
             for error in failed:
                 raise DriveError(
-                    f"{self.name} has no register {error.register:03X}h (error {error.error})",
+                    f"{self.name} has no register {error.at:03X}h (error {error.value:g})",
                     expected=f"the registers of map version {frames.REGISTER_MAP}",
                     do="load a later firmware with moteus_tool",
                 )
@@ -160,7 +164,7 @@ class MoteusDialogue:
             self._drain()
             words = text.encode() + b"\n"
             order = bytes((frames.TO_DRIVE, frames.CHANNEL)) + frames.varuint(len(words)) + words
-            self.bus.port.send_now(*frame(self._drive, order, reply=False))
+            self.port.send_now(*frame(self._drive, order, reply=False))
             said = b""
             for _ in range(_MOST_POLLS):
                 part = self._poll()
@@ -171,7 +175,7 @@ class MoteusDialogue:
                 if end:
                     return line.decode("latin-1").strip()
                 if not part:
-                    self.bus.wait(1e-3, lambda identifier, data: None)
+                    self.wait(1e-3, lambda identifier, data: None)
         raise DriveError(
             f"{self.name} answers nothing on its diagnostic channel to {text!r}",
             expected="a line",
@@ -192,7 +196,7 @@ class MoteusDialogue:
 
 def _check_version(board: MoteusDialogue) -> tuple[str, str]:
     """Who it is, and its serial number."""
-    first, serial = (board.ask((NumberKind.INT32, at, 3)) for at in (Register.MODEL, Register.SERIAL_1))
+    first, serial = (board.registers((NumberKind.INT32, at, 3)) for at in (Register.MODEL, Register.SERIAL_1))
     version = int(first[Register.REGISTER_MAP])
     if version != frames.REGISTER_MAP:
         raise DriveError(
@@ -213,7 +217,7 @@ def _model(registers: dict[int, float]) -> str:
 
 def _check_without_torque(board: MoteusDialogue, drive: MoteusParameters) -> dict[int, float]:
     """Whoever finds the motor under torque must not touch it."""
-    seen = board.ask(
+    seen = board.registers(
         (NumberKind.INT8, Register.MODE, 1),
         (NumberKind.FLOAT, Register.POSITION, 1),
         (NumberKind.INT8, Register.HOME_STATE, 1),
@@ -341,7 +345,7 @@ def _check_watchdog(board: MoteusDialogue, drive: MoteusParameters) -> None:
     """The time of the watchdog as a command will have it, written without a command and read back."""
     timeout = Register.COMMAND_TIMEOUT
     written = frames.values(frames.WRITE, NumberKind.FLOAT, timeout, drive.watchdog)
-    found = board.ask((NumberKind.FLOAT, timeout, 1), before=written)[timeout]
+    found = board.registers((NumberKind.FLOAT, timeout, 1), before=written)[timeout]
     if not abs(found - drive.watchdog) <= SAME_TIME:
         raise DriveError(
             f"{board.name} has a watchdog of {found:g} s after {drive.watchdog:g} s were written (register 027h)",
@@ -364,8 +368,8 @@ def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:
     question = frames.subframe(frames.READ, NumberKind.INT8, Register.MODE, 1)
     question += frames.subframe(frames.READ, NumberKind.INT32, Register.MODEL, 3)
     found: dict[int, FoundDevice] = {}
-    with checklist.joined(place(drive), drive.node_id, links) as port:
-        bus = MoteusDialogue(port, drive).bus
+    with links.join(place(drive), f"node {drive.node_id}", lambda _: True) as port:
+        bus = MoteusDialogue(port, drive)
         bus.listen(LISTENING)
 
         def looked_at(identifier: int, data: bytes) -> None:
@@ -402,19 +406,19 @@ class MoteusDrive(Driver):
     def _find(self, port: BusPort) -> Found:
         drive = self._drive
         board = MoteusDialogue(port, drive)
-        board.bus.listen(LISTENING)
+        board.listen(LISTENING)
         who, serial = _check_version(board)
         seen = _check_without_torque(board, drive)
         checklist.check_settings(board.name, board.configured, _settings(drive))
         turns, joint_turns = _check_encoders(board, drive, seen)
         here = drive.home == "here"
-        motor = motor_scale(drive, turns if here else 0.0)
+        motor = found_scale(drive, turns, self.turn)
         joint = joint_scale(drive, joint_turns if here else 0.0)
         limits = motor_limits(drive, motor)
         limits = limits._replace(low=max(-MOST_TURNS, limits.low), high=min(MOST_TURNS, limits.high))
         _check_limits(board, drive, motor)
         _check_watchdog(board, drive)
-        board.bus.check_alone()
+        board.check_alone()
         state = state_of(int(seen[Register.MODE]))
         fault = int(seen[Register.FAULT]) if state is DriveState.FAULT else 0
         identity = f"moteus board at {board.name}, {who}, supply {seen[Register.VOLTAGE]:.1f} V"
@@ -462,13 +466,13 @@ class MoteusDrive(Driver):
         self._mode_state = state_of(reply.mode)
         return True
 
+    def _standing(self) -> DriveState:
+        return DriveState.NOT_READY_TO_SWITCH_ON if self._lost else self._mode_state
+
     def _judge(self, now: float) -> None:
-        self._check_silence(now)
-        state = DriveState.NOT_READY_TO_SWITCH_ON if self._lost else self._mode_state
-        self._update_state(state)
-        if self._asked and self._before is DriveState.OPERATION_ENABLED is not state and state is not DriveState.FAULT:
+        enabled, state = DriveState.OPERATION_ENABLED, self._state
+        if self._asked and self._before is enabled is not state and state is not DriveState.FAULT:
             self._readings.found(TIMED_OUT if self._timed_out else LEFT)
-        self._check_inert(now)
 
     def _lead(self, found: Found, counts: float, target: float, torque: float, now: float) -> None:
         """See `Driver._lead`; the target of a board that is not in position mode is none, by which it stays."""

@@ -211,52 +211,32 @@ def values(base: int, kind: NumberKind, register: int, *physical: float) -> byte
     )
 
 
-class RegisterWritten(NamedTuple):
-    """A register written, or replied with."""
+class Subframe(NamedTuple):
+    """A part of a frame; of registers that are written or replied with, one of them."""
 
-    register: int
-    value: float
-    """Physical; NaN for none."""
-
-
-class RegistersAsked(NamedTuple):
-    """Registers asked for."""
-
-    register: int
-    kind: NumberKind
-    amount: int
-    counted: bool
+    head: int
+    """`WRITE`, `READ`, `REPLY`, an error, or one of the diagnostic channel."""
+    at: int
+    """The register, of some that are asked for the first; of the diagnostic channel its number."""
+    value: float = math.nan
+    """Of a register, physical, NaN for none; or the number of an error, or how many bytes may come."""
+    kind: NumberKind = NumberKind.INT8
+    """Type of registers that are asked for."""
+    amount: int = 1
+    """Of these."""
+    counted: bool = False
     """True if the number of them stands in a byte of its own, as it then does in the reply."""
+    data: bytes = b""
+    """Of the diagnostic channel."""
 
 
-class Failed(NamedTuple):
-    """A register that was not there, or not to be written."""
-
-    register: int
-    error: int
-
-
-class ConsoleBytes(NamedTuple):
-    """Bytes of the diagnostic channel, or, to the board, the question for them."""
-
-    kind: int
-    """`TO_DRIVE`, `FROM_DRIVE` or `POLL`."""
-    channel: int
-    data: bytes
-    most: int = 0
-    """Of a question: bytes that may come."""
-
-
-Subframe = RegisterWritten | RegistersAsked | Failed | ConsoleBytes
-
-
-def subframes(data: bytes) -> Iterator[tuple[int, Subframe]]:
-    """What a frame says, each with its base, up to what cannot be read."""
+def subframes(data: bytes) -> Iterator[Subframe]:
+    """What a frame says, up to what cannot be read."""
     with contextlib.suppress(IndexError, struct.error):
         yield from _subframes(data)
 
 
-def _subframes(data: bytes) -> Iterator[tuple[int, Subframe]]:
+def _subframes(data: bytes) -> Iterator[Subframe]:
     at = 0
     while at < len(data):
         head, at = _read_varuint(data, at)
@@ -269,23 +249,20 @@ def _subframes(data: bytes) -> Iterator[tuple[int, Subframe]]:
                 count, at = _read_varuint(data, at)
             register, at = _read_varuint(data, at)
             if base == READ:
-                yield base, RegistersAsked(register, kind, count, counted)
+                yield Subframe(base, register, kind=kind, amount=count, counted=counted)
                 continue
             for i in range(register, register + count):
                 (number,) = _TYPES[kind].unpack_from(data, at)
                 at += _TYPES[kind].size
-                yield base, RegisterWritten(i, physical_value(i, kind, number))
-        elif head in (WRITE_ERROR, READ_ERROR, POLL):
+                yield Subframe(base, i, physical_value(i, kind, number))
+        elif head in (WRITE_ERROR, READ_ERROR, POLL, TO_DRIVE, FROM_DRIVE):
             first, at = _read_varuint(data, at)
             second, at = _read_varuint(data, at)
-            yield head, ConsoleBytes(head, first, b"", second) if head == POLL else Failed(first, second)
-        elif head in (TO_DRIVE, FROM_DRIVE):
-            channel, at = _read_varuint(data, at)
-            length, at = _read_varuint(data, at)
-            if at + length > len(data):
+            size = second if head in (TO_DRIVE, FROM_DRIVE) else 0
+            if at + size > len(data):
                 return
-            yield head, ConsoleBytes(head, channel, bytes(data[at : at + length]))
-            at += length
+            yield Subframe(head, first, float(second), data=bytes(data[at : at + size]))
+            at += size
         else:
             return
 
@@ -301,19 +278,12 @@ def _read_varuint(data: bytes, at: int) -> tuple[int, int]:
     raise IndexError
 
 
-def replied(data: bytes) -> tuple[dict[int, float], list[Failed], bytes]:
+def replied(data: bytes) -> tuple[dict[int, float], list[Subframe], bytes]:
     """Decoded reply: registers with physical values, errors, bytes of the console."""
-    found: dict[int, float] = {}
-    failed: list[Failed] = []
-    text = b""
-    for base, one in subframes(data):
-        if base == REPLY and isinstance(one, RegisterWritten):
-            found[one.register] = one.value
-        elif isinstance(one, Failed):
-            failed.append(one)
-        elif base == FROM_DRIVE and isinstance(one, ConsoleBytes) and one.channel == CHANNEL:
-            text += one.data
-    return found, failed, text
+    parts = list(subframes(data))
+    found = {one.at: one.value for one in parts if one.head == REPLY}
+    failed = [one for one in parts if one.head in (WRITE_ERROR, READ_ERROR)]
+    return found, failed, b"".join(one.data for one in parts if (one.head, one.at) == (FROM_DRIVE, CHANNEL))
 
 
 def padded(data: bytes) -> bytes:

@@ -28,12 +28,12 @@ from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.checklist import LISTENING, Conversation, DriveLimit, Found, Said, Setting
 from bowden.hardware.drives.driver import Driver
-from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale, scales_of, target_of
+from bowden.hardware.drives.families.odrive import OdriveParameters, target_of
 from bowden.hardware.drives.findings import LEFT, UNWATCHED, WATCH_EVERY
 from bowden.hardware.drives.odrive_endpoints import ENABLED, TIMEOUT, Endpoints, endpoints_of
 from bowden.hardware.drives.odrive_frames import WATCHDOG, AxisState, Beat, Cmd, errors_text, identifier_of, unpack
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import MotorLimits, counts_at_home, motor_limits
+from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, found_scale, motor_limits
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -76,7 +76,7 @@ def state_of(beat: Beat, errors: int) -> DriveState:
     return DriveState.NOT_READY_TO_SWITCH_ON
 
 
-class OdriveDialogue:
+class OdriveDialogue(Conversation):
     """Questions and answers with one board.
 
     Args:
@@ -86,17 +86,15 @@ class OdriveDialogue:
     """
 
     def __init__(self, port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> None:
-        self._drive, self._endpoints = drive, endpoints
+        super().__init__(port, drive.node_id, lambda *frame: is_foreign(drive.node_id, *frame), drive.answer_timeout)
+        self._endpoints = endpoints
         self.beat: Beat | None = None
-        node = drive.node_id
-        self.bus = Conversation(port, node, lambda identifier, data: is_foreign(node, identifier, data))
-        self.name = self.bus.name
 
     def _matching(self, matches: Callable[[int, bytes], Said | None]) -> Callable[[int, bytes], Said | None]:
         """What a frame of the board says, by its command and data; heartbeats are kept."""
 
         def looked_at(identifier: int, data: bytes) -> Said | None:
-            if identifier >> 5 != self._drive.node_id or is_foreign(self._drive.node_id, identifier, data):
+            if identifier >> 5 != self.number or is_foreign(self.number, identifier, data):
                 return None
             if identifier & 0x1F == Cmd.HEARTBEAT:
                 self.beat = frames.unpack_beat(data) or self.beat
@@ -111,17 +109,16 @@ class OdriveDialogue:
             beat = frames.unpack_beat(data) if cmd == Cmd.HEARTBEAT else None
             return True if beat is not None and wanted(beat) else None
 
-        return self.bus.wait(span, self._matching(looked_at)) is not None
+        return self.wait(span, self._matching(looked_at)) is not None
 
-    def ask(self, cmd: Cmd) -> tuple[Any, ...]:
+    def told(self, cmd: Cmd) -> tuple[Any, ...]:
         """The fields of what the board tells when it is asked.
 
         Raises:
             DriveError: no answer.
         """
-        question = identifier_of(self._drive.node_id, cmd) | REMOTE, bytes(8)
-        answered = self._matching(lambda identifier, data: unpack(cmd, data) if identifier == cmd else None)
-        said = self.bus.ask(question, self._drive.answer_timeout, answered)
+        question = identifier_of(self.number, cmd) | REMOTE, bytes(8)
+        said = self.ask(question, self._matching(lambda told, data: unpack(cmd, data) if told == cmd else None))
         if said is not None:
             return said
         raise DriveError(
@@ -132,10 +129,9 @@ class OdriveDialogue:
 
     def serial(self) -> str:
         """Its serial number, bytes 1 to 6 of its frame Address; empty of a firmware that does not tell it."""
-        address = identifier_of(self._drive.node_id, Cmd.ADDRESS)
-        reply = self.bus.ask(
+        address = identifier_of(self.number, Cmd.ADDRESS)
+        reply = self.ask(
             (address | REMOTE, bytes(8)),
-            self._drive.answer_timeout,
             lambda identifier, data: data if identifier == address and len(data) == 8 else None,
             tries=1,
         )
@@ -143,7 +139,7 @@ class OdriveDialogue:
 
     def tell(self, cmd: Cmd, data: bytes) -> None:
         """An order."""
-        self.bus.port.send_now(identifier_of(self._drive.node_id, cmd), data)
+        self.port.send_now(identifier_of(self.number, cmd), data)
 
     def setting(self, name: str) -> float:
         """A value of the board's configuration.
@@ -157,8 +153,8 @@ class OdriveDialogue:
             answer = frames.unpack_sdo(data) if cmd == Cmd.TX_SDO else None
             return None if answer is None or answer[1] != endpoint.number else endpoint.unpack(answer[2])
 
-        question = identifier_of(self._drive.node_id, Cmd.RX_SDO), frames.pack_sdo(endpoint.number)
-        value = self.bus.ask(question, self._drive.answer_timeout, self._matching(answered))
+        question = identifier_of(self.number, Cmd.RX_SDO), frames.pack_sdo(endpoint.number)
+        value = self.ask(question, self._matching(answered))
         if value is not None:
             return value
         raise DriveError(
@@ -181,7 +177,7 @@ class OdriveDialogue:
 
 
 def _check_version(board: OdriveDialogue, endpoints: Endpoints) -> str:
-    protocol, *numbers = board.ask(Cmd.GET_VERSION)
+    protocol, *numbers = board.told(Cmd.GET_VERSION)
     own = tuple(numbers[3:6]), tuple(numbers[:3])
     firmware, hardware = (".".join(map(str, one)) for one in own)
     if protocol != frames.PROTOCOL or not OLDEST <= own[0] < NEWEST:
@@ -256,17 +252,17 @@ def _check_encoder(board: OdriveDialogue) -> None:
         )
 
 
-def _turns_at_home(board: OdriveDialogue, drive: OdriveParameters) -> float:
-    """What the board's position is at home [turns]."""
-    first, _ = board.ask(Cmd.GET_ENCODER_ESTIMATES)
-    last, _ = board.ask(Cmd.GET_ENCODER_ESTIMATES)
+def _motor_scale(board: OdriveDialogue, drive: OdriveParameters) -> Scale | SuitScale:
+    """Of the motor as it is found, which must stand still."""
+    first, _ = board.told(Cmd.GET_ENCODER_ESTIMATES)
+    last, _ = board.told(Cmd.GET_ENCODER_ESTIMATES)
     if not (math.isfinite(first) and abs(last - first) <= STILL):
         raise DriveError(
             f"the position of {board.name} is {first:g} and then {last:g} turns",
             expected="a motor that stands still, and whose encoder is calibrated",
             do="hold it, and calibrate it with odrivetool",
         )
-    return counts_at_home(drive, last, 1.0, motor_scale(drive))
+    return found_scale(drive, last, 1.0)
 
 
 def _check_range(board: OdriveDialogue, limits: MotorLimits) -> None:
@@ -336,7 +332,7 @@ def probe(drive: OdriveParameters, links: Links) -> list[FoundDevice]:
             elif cmd == Cmd.GET_VERSION and node in beats and (version := unpack(cmd, data)) is not None:
                 versions[node] = version
 
-    with checklist.joined(place(drive), drive.node_id, links) as port:
+    with links.join(place(drive), f"node {drive.node_id}", lambda _: True) as port:
         bus = Conversation(port, drive.node_id, lambda identifier, data: False)  # other masters do not matter here
         bus.wait(LISTENING, looked_at)
         for node in sorted(beats):
@@ -377,7 +373,7 @@ class OdriveDrive(Driver):
 
     def _prepare(self) -> None:
         drive = self._drive
-        self._endpoints, self._scales = endpoints_of(drive.endpoints), scales_of(drive)
+        self._endpoints, self._scales = endpoints_of(drive.endpoints), (drive.velocity_scale, drive.torque_scale)
         self._frames = drive.node_id << 5
         """Identifier of its frames, of command 0."""
         self._asks_position = self._frames | Cmd.GET_ENCODER_ESTIMATES | REMOTE
@@ -396,7 +392,7 @@ class OdriveDrive(Driver):
         drive, endpoints = self._drive, self._endpoints
         board = OdriveDialogue(port, drive, endpoints)
         board.beats(LISTENING, lambda _: False)
-        board.bus.check_alone()
+        board.check_alone()
         if board.beat is None:
             raise DriveError(
                 f"no ODrive board is heard as {board.name}",
@@ -406,19 +402,19 @@ class OdriveDrive(Driver):
             )
         who = _check_version(board, endpoints)
         _check_idle(board)
-        active, disarmed = board.ask(Cmd.GET_ERROR)
+        active, disarmed = board.told(Cmd.GET_ERROR)
         failed = (active | disarmed) & ~WATCHDOG
-        voltage, _ = board.ask(Cmd.GET_BUS_VOLTAGE_CURRENT)
+        voltage, _ = board.told(Cmd.GET_BUS_VOLTAGE_CURRENT)
         checklist.check_settings(board.name, board.setting, _settings(drive))
         _check_encoder(board)
-        motor = motor_scale(drive, _turns_at_home(board, drive))
+        motor = _motor_scale(board, drive)
         limits = motor_limits(drive, motor)
         _check_range(board, limits)
         modes = {settings.CONTROL_MODE: frames.POSITION_CONTROL, settings.INPUT_MODE: frames.PASSTHROUGH}
         board.set(Cmd.SET_CONTROLLER_MODE, modes)
         _set_limits(board, drive, limits)
         tried = not failed and _try_watchdog(board, drive)
-        board.bus.check_alone()
+        board.check_alone()
         identity = (
             f"ODrive board at {board.name}, {who}, supply {voltage:.1f} V; watchdog of {1e3 * drive.watchdog:g} ms, "
         )
@@ -494,8 +490,6 @@ class OdriveDrive(Driver):
         return state_of(self._beat, self._counting_errors())
 
     def _judge(self, now: float) -> None:
-        self._check_silence(now)
-        self._update_state(self._standing())
         readings, led = self._readings, self._state is DriveState.OPERATION_ENABLED
         errors = 0 if self._lost else self._counting_errors()
         pressed = errors & frames.ESTOP and not self._stopped
@@ -506,7 +500,6 @@ class OdriveDrive(Driver):
             readings.found(frames.UNTOLD)
         if self._unwatched and not self._lost:
             readings.found(UNWATCHED)
-        self._check_inert(now)
 
     def _can_lead(self) -> bool:
         return self._state in (DriveState.SWITCH_ON_DISABLED, DriveState.OPERATION_ENABLED) and not self._expired

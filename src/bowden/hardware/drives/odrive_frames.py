@@ -121,14 +121,8 @@ class Target(NamedTuple):
     """[N·m]"""
 
 
-class Scales(NamedTuple):
-    """Steps of the feed-forward fields in one unit, input_vel_scale and input_torque_scale of a board."""
-
-    velocity: float
-    """In 1 turn/s."""
-    torque: float
-    """In 1 N·m."""
-
+Scales = tuple[float, float]
+"""Steps of the feed-forward fields in 1 turn/s and in 1 N·m, input_vel_scale and input_torque_scale of a board."""
 
 _NUMBERS, _WHOLE = struct.Struct("<ff"), struct.Struct("<II")
 FIELDS: Mapping[int, struct.Struct] = {
@@ -168,8 +162,8 @@ def unpack_beat(data: bytes) -> Beat | None:
 
 def pack_target(target: Target, scales: Scales) -> bytes:
     """Set_Input_Pos; a feed-forward beyond its field's range stands at its end, and one that is no number is none."""
-    velocity, torque = _steps(target.velocity, scales.velocity), _steps(target.torque, scales.torque)
-    return FIELDS[Cmd.SET_INPUT_POS].pack(target.position, velocity, torque)
+    steps = (_steps(value, scale) for value, scale in zip(target[1:], scales, strict=True))
+    return FIELDS[Cmd.SET_INPUT_POS].pack(target.position, *steps)
 
 
 def _steps(value: float, scale: float) -> int:
@@ -179,7 +173,7 @@ def _steps(value: float, scale: float) -> int:
 def unpack_target(data: bytes, scales: Scales) -> Target | None:
     """Set_Input_Pos."""
     fields = unpack(Cmd.SET_INPUT_POS, data)
-    return None if fields is None else Target(fields[0], fields[1] / scales.velocity, fields[2] / scales.torque)
+    return None if fields is None else Target(fields[0], fields[1] / scales[0], fields[2] / scales[1])
 
 
 READ, WRITE = 0, 1

@@ -336,6 +336,9 @@ def collision(one: Any, other: Any) -> str:
     if rates[0] != rates[1]:
         said = " and ".join(f"{slow} bit/s{f' with CAN-FD at {quick} bit/s' if quick else ''}" for slow, quick in rates)
         return f"share the bus {one.channel}, but speak at {said}: name another channel"
+    asked = {drive.table.block()[:2] for drive in (one, other) if hasattr(drive, "table")}
+    if len(asked) > 1:  # two questions in a cycle, and the second would meet the answers to the first
+        return f"share the line {one.channel}, and their servos have what a cycle reads elsewhere: name another channel"
     ours, theirs = (drive.identifiers() if hasattr(drive, "identifiers") else {} for drive in (one, other))
     for identifier in sorted({*ours} & {*theirs}):
         keys = ours[identifier], theirs[identifier]

@@ -55,15 +55,14 @@ class SuitScale(NamedTuple):
         return steepest_spool(low, high, self.map)
 
 
-def spool_scale(step: float, home: float, counts_at_home: float, spool: SpoolMap | None) -> Scale | SuitScale:
+def motor_scale(drive: Any, counts_at_home: float = 0.0) -> Scale | SuitScale:
     """The motor's counts to the spool's angle, or, on a suit, to the motor's in the joint's coordinate.
 
     Args:
-        step: angle of the spool of one count, with its sign [rad].
-        home: the motor's angle at home, on a suit in the joint's coordinate [rad].
-        counts_at_home: what the counter says there.
-        spool: of a suit.
+        drive: its parameters, whose `motor_step` is the angle of the spool of one count, with its sign [rad].
+        counts_at_home: what the counter says at home.
     """
+    step, home, spool = drive.motor_step, drive.motor_home, drive.needs.spool
     if spool is None:
         return Scale(step, home - step * counts_at_home)
     scale = SuitScale(Scale(step, float(spool_of(home, spool)) - step * counts_at_home), spool)
@@ -142,32 +141,6 @@ class LimitedRange:
         return value + self._offset
 
 
-class TurnCount:
-    """Sees a drive that has lost count of its motor's turns.
-
-    What it reports is what it controls: it pulls at once, as far as it is wrong. So what one reading of an encoder
-    might be forgiven is not here: a change of half a turn that the motor is too slow for.
-
-    Args:
-        turn: of the motor, in the drive's unit.
-        fastest: speed that the rig allows, in that unit a second; infinite where it says none, and nothing is seen.
-    """
-
-    def __init__(self, turn: float, fastest: float) -> None:
-        self._turn, self._fastest = turn, fastest
-        self.begin()
-
-    def begin(self) -> None:
-        """Nothing has been read."""
-        self._last = self._at = math.nan
-
-    def lost(self, position: float, now: float) -> bool:
-        """True if it has, by the position that came at `now` [s] and the one before."""
-        moved, gap = abs(position - self._last), now - self._at
-        self._last, self._at = position, now
-        return moved > max(0.5 * self._turn, 1.5 * self._fastest * gap)
-
-
 def nearest(angle: float, period: float, hint: float) -> float:
     """The angle nearest to `hint` among those that differ from `angle` by whole periods.
 
@@ -179,15 +152,15 @@ def nearest(angle: float, period: float, hint: float) -> float:
     return angle + period * round((hint - angle) / period)
 
 
-def counts_at_home(drive: Any, found: float, turn: float, scale: Scale | SuitScale) -> float:
-    """What the drive counts at home: where it is found, the zero nearest to a hint, or its own zero.
+def found_scale(drive: Any, found: float, turn: float) -> Scale | SuitScale:
+    """`motor_scale` of a drive whose home is where it is found, the zero nearest to a hint, or its own zero.
 
     Args:
         drive: its parameters.
         found: what it counts now.
         turn: that it may have lost with its supply, in counts.
-        scale: of its counts from its own zero.
     """
-    if drive.home == "here":
-        return found
-    return found - nearest(found, turn, scale.counts(drive.motor_hint)) if drive.home == "hint" else 0.0
+    own = motor_scale(drive)
+    if drive.home == "hint":
+        return motor_scale(drive, found - nearest(found, turn, own.counts(drive.motor_hint)))
+    return motor_scale(drive, found) if drive.home == "here" else own

@@ -23,14 +23,13 @@ from bowden.hardware.drives.checklist import (
     Found,
     check_limits,
     check_settings,
-    joined,
     refuse_torque,
 )
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.findings import JOINT_SERVO, UNWATCHED
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, counts_at_home, motor_limits
-from bowden.hardware.drives.servo_table import BlockReader, ServoSample, error_of, joint_scale, motor_scale
+from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, found_scale, motor_limits
+from bowden.hardware.drives.servo_table import BlockReader, ServoSample, error_of, joint_scale
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -38,13 +37,11 @@ LISTENING = 0.3
 """So long the line is listened to before anything is said on it [s]."""
 STILL = 8
 """Counts within which a motor stands still between two readings, of 4096 a turn."""
-MOST_UNANSWERED = 16
-"""Questions that are waited for at most; what is older than these is lost."""
 BETWEEN, PING_BITS = 4e-3, 240
 """For an answer of one who may be there, when all are looked for [s], and the bits of a question and its answer."""
 
 
-class ServoDialogue:
+class ServoDialogue(Conversation):
     """Questions and answers with one servo.
 
     Args:
@@ -54,10 +51,8 @@ class ServoDialogue:
     """
 
     def __init__(self, port: BusPort, drive: Any, number: int) -> None:
-        self._drive, self.number, self._table = drive, number, drive.table
-        self.bus = Conversation(port, number, lambda identifier, data: is_foreign(number, identifier, data))
-        self.name = f"servo {number}"
-        self.bus.name = self.name
+        super().__init__(port, number, lambda *frame: is_foreign(number, *frame), drive.answer_timeout)
+        self._drive, self.table, self.name = drive, drive.table, f"servo {number}"
 
     def _ask(self, data: bytes, length: int, to: int | None = None) -> bytes | None:
         """What follows the error in the servo's answer, of so many bytes, to a question to it or to a number."""
@@ -66,8 +61,7 @@ class ServoDialogue:
             fine = identifier == self.number and said[0] == STATUS and len(said) == 2 + length
             return said[2:] if fine else None
 
-        question = self.number if to is None else to, data
-        return self.bus.ask(question, self._drive.answer_timeout, answered)
+        return self.ask((self.number if to is None else to, data), answered)
 
     def find(self) -> int:
         """Its model's number.
@@ -75,8 +69,8 @@ class ServoDialogue:
         Raises:
             DriveError: nobody answers, or more than one does.
         """
-        self.bus.check_alone()
-        port, answers = self.bus.port, 0
+        self.check_alone()
+        port, answers = self.port, 0
 
         def counted(identifier: int, said: bytes) -> None:
             nonlocal answers
@@ -85,7 +79,7 @@ class ServoDialogue:
         for _ in range(TRIES):
             garbled = port.errors
             port.send_now(self.number, bytes((Instruction.PING,)))
-            self.bus.wait(self._drive.answer_timeout, counted)
+            self.wait(self._timeout, counted)
             if answers:
                 break
         if answers > 1:
@@ -103,7 +97,7 @@ class ServoDialogue:
         if not answers:
             raise DriveError(
                 f"nobody answers as {self.name} at {self._drive.bitrate} bit/s",
-                expected=f"a servo that speaks {self._table.packets.name}",
+                expected=f"a servo that speaks {self.table.packets.name}",
                 do="switch its supply on; check its cable, its ID and its baud rate with its maker's tool, and node_id "
                 "and bitrate in [drive]",
             )
@@ -115,8 +109,8 @@ class ServoDialogue:
         Raises:
             DriveError: no answer.
         """
-        register = self._table.registers[name]
-        said = self._ask(self._table.packets.read(register.address, register.size), register.size)
+        register = self.table.registers[name]
+        said = self._ask(self.table.packets.read(register.address, register.size), register.size)
         if said is None:
             raise DriveError(
                 f"{self.name} does not tell its {name} ({register.address})",
@@ -131,9 +125,9 @@ class ServoDialogue:
         Raises:
             DriveError: it has another value afterwards.
         """
-        register = self._table.registers[name]
-        head = self._table.packets.sync_write(register.address, register.size)  # to which nobody answers
-        self.bus.port.send_now(ALL, head + bytes((self.number,)) + register.encode(value))
+        register = self.table.registers[name]
+        head = self.table.packets.sync_write(register.address, register.size)  # to which nobody answers
+        self.port.send_now(ALL, head + bytes((self.number,)) + register.encode(value))
         found = self.get(name)
         if found != value:
             raise DriveError(
@@ -144,10 +138,10 @@ class ServoDialogue:
 
     def sample(self, fast: bool) -> ServoSample | None:
         """What it says in a cycle; None where it does not answer such a question."""
-        address, length, _ = self._table.block()
-        head = self._table.packets.sync_read(address, length, fast=fast)
+        address, length, _ = self.table.block()
+        head = self.table.packets.sync_read(address, length, fast=fast)
         said = self._ask(head + bytes((self.number,)), length, ALL)
-        return None if said is None else BlockReader(self._table).sample(said)
+        return None if said is None else BlockReader(self.table).sample(said)
 
     def prepare(self) -> ServoSample:
         """Let it show in one piece what a cycle reads, and read that.
@@ -155,7 +149,7 @@ class ServoDialogue:
         Raises:
             DriveError: it is another model than the rig says, has torque, or does not answer.
         """
-        table, drive = self._table, self._drive
+        table, drive = self.table, self._drive
         model = self.find()
         if model != table.model:
             raise DriveError(
@@ -163,13 +157,13 @@ class ServoDialogue:
                 expected=f"{table.model}, {'a' if drive.family == 'dynamixel' else 'an'} {drive.model}",
                 do="correct drive.model, or node_id: another model has other counts, currents and addresses",
             )
-        check_settings(self.name, self.get, drive.setup.supported)
+        table = self.table = table.of(self.get("Firmware Version"))
         if self.get("Torque Enable"):
             do = "end the program that holds it, or switch its supply off and on"
             raise refuse_torque(self.name, "torque: Torque Enable is 1", do)
         if table.indirect is not None:
             shown = table.indirection()
-            self.bus.port.send_now(
+            self.port.send_now(
                 ALL, table.packets.sync_write(table.indirect[0], len(shown)) + bytes((self.number,)) + shown
             )
             if self._ask(table.packets.read(table.indirect[0], len(shown)), len(shown)) != shown:
@@ -201,6 +195,7 @@ class ServoDrive(Driver):
 
     def _prepare(self) -> None:
         drive, table = self._drive, self._drive.table
+        self._table = table  # of the servos' firmware, once it is known
         self._reader, self._packets = BlockReader(table), table.packets
         self.turn, self.most_counts = float(table.turn), float(table.furthest)
         self._goal, torque = table.registers["Goal Position"], table.registers["Torque Enable"]
@@ -219,7 +214,7 @@ class ServoDrive(Driver):
     def _find(self, port: BusPort) -> Found:
         drive, table = self._drive, self._drive.table
         servo = ServoDialogue(port, drive, drive.node_id)
-        servo.bus.listen(LISTENING)
+        servo.listen(LISTENING)
         first = servo.prepare()
         check_settings(servo.name, servo.get, drive.setup.motor)
         for name, value in (
@@ -228,11 +223,10 @@ class ServoDrive(Driver):
         ):  # a watchdog that ran out locks what is set
             servo.set(name, value)
         firmware = servo.get("Firmware Version")
+        self._table, servos = servo.table, [servo]
         if drive.joint == "servo":
-            self._joint_zero = self._find_joint(port)
-        self._fast = self._packets.fast and all(
-            ServoDialogue(port, drive, number).sample(fast=True) is not None for number in self._numbers
-        )
+            servos.append(self._find_joint(port))
+        self._fast = self._packets.fast and all(one.sample(fast=True) is not None for one in servos)
         last = servo.sample(fast=False) or first
         if abs(last.position - first.position) > STILL * table.turn / 4096:
             raise DriveError(
@@ -240,10 +234,10 @@ class ServoDrive(Driver):
                 expected="a motor that stands still",
                 do="hold it, and check what pulls at it",
             )
-        scale = motor_scale(drive, counts_at_home(drive, last.position, self.turn, motor_scale(drive)))
+        scale = found_scale(drive, last.position, self.turn)
         limits = motor_limits(drive, scale)
         self._check_limits(servo, scale, limits)
-        servo.bus.check_alone()
+        servo.check_alone()
         error = error_of(last)
         who = f"{drive.model} at {servo.name}, firmware {firmware}"
         if error:
@@ -251,13 +245,20 @@ class ServoDrive(Driver):
         state = DriveState.FAULT if error else DriveState.SWITCH_ON_DISABLED
         return Found(who, scale, None, limits, state, error, "")
 
-    def _find_joint(self, port: BusPort) -> float:
-        """The servo on the joint: its counts at home."""
+    def _find_joint(self, port: BusPort) -> ServoDialogue:
+        """The servo on the joint, whose counts at home are kept."""
         drive = self._drive
         on_joint = ServoDialogue(port, drive, drive.joint_node_id)
         position = on_joint.prepare().position
         check_settings(on_joint.name, on_joint.get, drive.setup.joint)
-        return float(position) if drive.home == "here" else 0.0
+        if on_joint.table != self._table:
+            raise DriveError(
+                f"{on_joint.name} and servo {drive.node_id} have firmware with different addresses",
+                expected="one question that both understand",
+                do="load the later firmware into both with their maker's tool",
+            )
+        self._joint_zero = float(position) if drive.home == "here" else 0.0
+        return on_joint
 
     def _check_limits(self, servo: ServoDialogue, scale: Scale | SuitScale, limits: MotorLimits) -> None:
         """That the servo counts as far, that it finds its turn again after power-off, and that it gives the current."""
@@ -288,7 +289,7 @@ class ServoDrive(Driver):
         return float(self._drive.table.current_step)
 
     def _begin(self, found: Found | None) -> None:
-        self._unanswered = self._primed = 0
+        self._primed = 0
         self._torque, self._position = False, 0
 
     def _take(self, identifier: int, data: bytes, now: float) -> bool:
@@ -306,9 +307,7 @@ class ServoDrive(Driver):
 
     def _take_motor(self, sample: ServoSample, now: float) -> None:
         drive, readings, found = self._drive, self._readings, self._found
-        if self._unanswered == 0:
-            readings.foreign += 1.0  # it answers somebody else
-        self._unanswered = max(0, self._unanswered - 1)
+        self._answered()
         readings.replied_at = now
         self._torque, self._position = bool(sample.torque), sample.position
         if self._lost or found is None:
@@ -331,17 +330,13 @@ class ServoDrive(Driver):
         if sample.torque or sample.error:
             self._readings.found(JOINT_SERVO)
 
-    def _judge(self, now: float) -> None:
-        self._check_silence(now)
+    def _standing(self) -> DriveState:
         error = self._readings.error
         if not self._up or self._lost:
-            state = DriveState.NOT_READY_TO_SWITCH_ON
-        elif self._torque:
-            state = DriveState.FAULT_REACTION_ACTIVE if error else DriveState.OPERATION_ENABLED
-        else:
-            state = DriveState.FAULT if error else DriveState.SWITCH_ON_DISABLED
-        self._update_state(state)
-        self._check_inert(now)
+            return DriveState.NOT_READY_TO_SWITCH_ON
+        if self._torque:
+            return DriveState.FAULT_REACTION_ACTIVE if error else DriveState.OPERATION_ENABLED
+        return DriveState.FAULT if error else DriveState.SWITCH_ON_DISABLED
 
     def _can_lead(self) -> bool:
         return not self._readings.error
@@ -374,12 +369,12 @@ class ServoDrive(Driver):
 
     def _gather(self, *writes: tuple[bytes, bytes]) -> None:
         """What this driver writes in this cycle, and whom it asks."""
-        self._unanswered = min(MOST_UNANSWERED, self._unanswered + 1)
+        self._ordered()
         if self._port is not None:
             self._port.gather(ALL, writes, (self._question(), bytes(self._numbers)))
 
     def _question(self) -> bytes:
-        address, length, _ = self._drive.table.block()
+        address, length, _ = self._table.block()
         return self._packets.sync_read(address, length, fast=self._fast)
 
     def _tell_off(self, number: int) -> None:
@@ -403,7 +398,7 @@ def probe(drive: Any, links: Links) -> list[FoundDevice]:
         DriveError: the line cannot be used.
     """
     found, patience = [], BETWEEN + PING_BITS / drive.bitrate
-    with joined(place(drive), drive.node_id, links) as port:
+    with links.join(place(drive), f"node {drive.node_id}", lambda _: True) as port:
         for number in range(HIGHEST + 1):
             servo = ServoDialogue(port, drive, number)
             port.send_now(number, bytes((Instruction.PING,)))

@@ -12,7 +12,7 @@ from bowden.core.quantity import Quantity
 from bowden.hardware.buses.packets import PROTOCOLS, STATUS, Packets, fast_answer
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.checklist import Setting, is_about
-from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
+from bowden.hardware.drives.scale import Scale, motor_scale
 from bowden.rig.families import DriveFamily
 
 ADAPTER = 1e-3
@@ -105,11 +105,19 @@ class ServoTable(NamedTuple):
     """Of a count of its watchdog; infinite of one without [s]."""
     multi_turn: bool = True
     """Whether it goes beyond a turn."""
+    moved: tuple[int, int] | None = None
+    """Firmware from which on `indirect` is shown elsewhere, and where; None of a servo of which it never is."""
 
     @property
     def packets(self) -> Packets:
         """Of its protocol."""
         return PROTOCOLS[self.protocol]
+
+    def of(self, firmware: int) -> "ServoTable":
+        """As a servo of that firmware has it."""
+        if self.indirect is None or self.moved is None or firmware < self.moved[0]:
+            return self
+        return self._replace(indirect=(self.indirect[0], self.moved[1]))
 
     def parts(self) -> list[ServoRegister | None]:
         """The registers of a `ServoSample`; None of what it has not."""
@@ -149,8 +157,6 @@ class ServoSetup(NamedTuple):
     """What one has in its registers that is set as the rig says; for its twin."""
     names: Mapping[int, str]
     """Number of a model → its name, of all that there are."""
-    supported: tuple[Setting, ...] = ()
-    """What each must be, before anything is asked of it in one piece."""
     watch: int = 0
     """Of its watchdog; 0 of one without."""
 
@@ -200,10 +206,10 @@ def cycle_time(drives: Sequence[Any]) -> float:
     return 10.0 * sent / first.bitrate + delays + ADAPTER
 
 
-def motor_scale(drive: Any, counts_at_home: float = 0.0) -> Scale | SuitScale:
-    """The servo's counts to the spool's angle, or, on a suit, to the motor's in the joint's coordinate."""
-    step = drive.motor_direction * 2.0 * math.pi / (drive.table.turn * drive.needs.gear)
-    return spool_scale(step, drive.motor_home, counts_at_home, drive.needs.spool)
+def motor_step(drive: Any) -> float:
+    """Of a count of a servo, see `scale.motor_scale` [rad]."""
+    step: float = drive.motor_direction * 2.0 * math.pi / (drive.table.turn * drive.needs.gear)
+    return step
 
 
 def joint_scale(drive: Any) -> Scale:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bowden.core.clock import SECOND
 from bowden.core.kernel import compiled, kernel
-from bowden.core.nested import flat, unflatten, unflatten_like
+from bowden.core.nested import flat, unflatten
 from bowden.core.signals import Reference
 from bowden.hardware.emg.intent_block import EmgLoss, IntentReader, StreamReading
 from bowden.sensing.course import CourseSettings, course_start, course_step
@@ -49,7 +49,7 @@ def _in_place(settings: Array, memory: Array, flexes: bool, extends: bool, share
 
     Settings and states as tuples would cost 30 µs a cycle to hand over.
     """
-    given, before = unflatten_like(_DEFAULTS, settings), unflatten(course_start(0.0), memory)
+    given, before = unflatten(_DEFAULTS, settings), unflatten(course_start(0.0), memory)
     state, reference = course_step(given, before, flexes, extends, share, dt)
     numbers = flat((state, reference))
     for i in range(len(numbers)):

@@ -11,7 +11,7 @@ from bowden.core.errors import StreamError
 from bowden.core.kernel import compiled, kernel
 from bowden.hardware.emg.listener import filters_of, share_of
 from bowden.hardware.emg.lsl_info import check_wanted
-from bowden.hardware.emg.playback import Playback
+from bowden.hardware.emg.sources import Playback
 from bowden.hardware.ports import EmgStream
 from bowden.identify.emg.log import read_channels
 from bowden.rig.emg_run import EmgRun, check_recording

@@ -27,11 +27,9 @@ from bowden.hardware.drives.families.ak_mit import (
     AkParameters,
     command_id,
     model_of,
-    motor_scale,
     reply_id,
     torque_per_ampere,
 )
-from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import HOTTEST, TwinNode
 from bowden.hardware.twin.plant import FOLLOW, OFF, Doing
@@ -57,12 +55,11 @@ class AkNode(TwinNode):
         "encoder_nan motor": "its position has no number that means none",
     }
 
-    def _prepare(self) -> Scale | SuitScale:
+    def _prepare(self) -> None:
         self._model = model_of(self._drive)
         self.turn = 2.0 * math.pi / self._model.gear
         self._v3, self._command_id = self._drive.board == "v3", command_id(self._drive)
         self._moded, self._kicks_until = self._v3, -math.inf  # towards the target that it remembers
-        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         self._error, self._leaving, self._command = 0, math.nan, IDLE
@@ -96,7 +93,7 @@ class AkNode(TwinNode):
         elif self._v3:
             self._obey_v3(command, now)
         elif data == frames.ENTER:
-            self._enter(now)
+            self._enter_mode(now)
         elif data == frames.EXIT:
             self._told_to_leave(now)
         elif data == frames.ZERO:
@@ -141,7 +138,7 @@ class AkNode(TwinNode):
             self._journal(now, "timeout", "")
             self._order(now)
 
-    def _enter(self, now: float) -> None:
+    def _enter_mode(self, now: float) -> None:
         if self._error or self._moded:
             return
         self._moded = True

@@ -13,14 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bowden.core.kernel import compiled, kernel, reached, specialise
-from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing, TwinPlant
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, Look, TwinPlant
 from bowden.models.cable.shared_joint import JointLoad, cable_pull, shared_joint
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.servo import servo_approach
 from bowden.plants.bench import Bench
-from bowden.plants.cable_body import Moving, Seen, cable_advance, cable_look, cable_rest, lagged
-from bowden.plants.cable_plant import CablePlant
-from bowden.plants.cables import as_cable_plant
+from bowden.plants.bench_body import Moving, bench_rest, cable_advance, cable_look, lagged
+from bowden.plants.cable import Seen
 from bowden.plants.plant import SheathState, sheath_state
 
 
@@ -53,7 +52,7 @@ class Sheathing(NamedTuple):
 @kernel
 def at_rest(plant: Moving, motor: float, sheath: SheathState) -> BenchMotion:
     """At rest at a motor angle [rad]."""
-    body = cable_rest(plant, motor, sheath)
+    body = bench_rest(plant, motor, sheath)
     return BenchMotion(motor, 0.0, 0.0, motor, body.memory, body.seen, body.joint)
 
 
@@ -74,7 +73,7 @@ def move(
     Args:
         plant: prepared.
         motion: before.
-        doing: `OFF`, `FOLLOW` or `BRAKE`.
+        doing: see `Doing`.
         command: the target to follow [rad].
         count: of sub-steps.
         sheathing: of the stretch.
@@ -100,21 +99,21 @@ def move(
         if (pulled - end) * (end - turned) < 0.0:
             part = i / count
             width = sheath.width + part * (after.width - sheath.width)
-            factor = sheath.slope_factor + part * (after.slope_factor - sheath.slope_factor)
-            memory = cable_advance(plant.cable, memory, turned, end, width, factor, (i - done) * dt)
+            memory = cable_advance(plant.cable, memory, turned, end, (end - turned) / width, width, (i - done) * dt)
             turned, done = end, i
         end = pulled
-    memory = cable_advance(plant.cable, memory, turned, end, after.width, after.slope_factor, (count - done) * dt)
+    way = (end - turned) / after.width
+    memory = cable_advance(plant.cable, memory, turned, end, way, after.width, (count - done) * dt)
     seen = cable_look(plant.cable, memory, end, after.width, after.slope_factor)
     joint = lagged(motion.joint, motion.seen.joint, seen.joint, count * dt, plant.load_lag)
     return BenchMotion(position, velocity, (velocity - before) / dt, end, memory, seen, joint)
 
 
 class TwinBench(TwinPlant):
-    """The bench, or a plant round any cable; see `TwinPlant`."""
+    """The bench, round any cable; see `TwinPlant`."""
 
-    def _begin(self, plant: Bench | CablePlant, motor: float, now: float) -> None:
-        self.bench = plant = as_cable_plant(plant)
+    def _begin(self, plant: Bench, motor: float, now: float) -> None:
+        self.bench, self._cable = plant, plant.simulated_cable
         self.speed_limit, self.current_limit = plant.servo.speed_limit, plant.motor.current_limit
         dynamics = plant.dynamics()
         self._plant: Moving = dynamics.plant
@@ -167,25 +166,6 @@ class TwinBench(TwinPlant):
         return sheath_state(self.bench.sheath, self._bend_at(time))
 
     @property
-    def motor(self) -> float:
-        """Spool angle [rad]."""
-        return self._motion.position
-
-    @property
-    def velocity(self) -> float:
-        """Of the spool [rad/s]."""
-        return self._motion.velocity
-
-    @property
-    def joint(self) -> float:
-        """Joint angle [rad]."""
-        if self.shared is not None:
-            return self.shared.joint(self)
-        if not math.isnan(self._sag):
-            return self._sag
-        return self._motion.joint
-
-    @property
     def alone(self) -> float:
         """Where this cable would have the joint, whatever else pulls it [rad]."""
         return self._motion.joint
@@ -198,36 +178,32 @@ class TwinBench(TwinPlant):
     def _slope(self) -> float:
         return abs(self.bench.cable.slope) * self._sheath_at(self._time).slope_factor
 
-    def _load(self) -> float:
+    def _load(self, joint: float) -> float:
         """Torque of the cable on the spool: its own where it knows forces, and else the spring's through it [N·m]."""
         motor = self.bench.motor
         if self.shared is not None:
             return self._slope() * self.shared.pull(self)
         if not self.taut:
             return 0.0
-        if self.bench.cable.physical:
+        if self._cable.physical:
             return self._motion.seen.torque
-        return self._slope() * (motor.pretension + motor.spring * self.joint)
+        return self._slope() * (motor.pretension + motor.spring * joint)
 
-    @property
-    def tension(self) -> float:
-        """Of the cable at the spool: its torque over the spool's radius [N]."""
-        return max(0.0, self._load()) / self.physics.spool_radius
-
-    @property
-    def current(self) -> float:
-        """Of the motor; zero without torque [A]."""
-        if self.doing == OFF:
-            return 0.0
-        motor = self.bench.motor
-        return (motor.inertia * self._motion.acceleration + self._load()) / (motor.gear * motor.torque_constant)
+    def look(self) -> Look:
+        """See `TwinPlant.look`; the tension is the cable's torque over the spool's radius."""
+        motion, motor = self._motion, self.bench.motor
+        joint = motion.joint if math.isnan(self._sag) else self._sag
+        joint = joint if self.shared is None else self.shared.joint(self)
+        load = self._load(joint)
+        current = (motor.inertia * motion.acceleration + load) / (motor.gear * motor.torque_constant)
+        return Look(motion.position, motion.velocity, joint, max(0.0, load) / self.physics.spool_radius, current)
 
     def read_encoders(self) -> tuple[float, float]:
         """What the joint's and the motor's encoder show now, with the noise of the next cycle [rad]."""
-        of_joint, of_motor = (float(normal) for normal in self._noise(2))
+        (of_joint, of_motor), now = self._noise(2), self.look()
         return (
-            float(reading(self.joint, of_joint, self.bench.joint_encoder)),
-            float(reading(self.motor, of_motor, self.bench.motor_encoder)),
+            float(reading(now.joint, float(of_joint), self.bench.joint_encoder)),
+            float(reading(now.motor, float(of_motor), self.bench.motor_encoder)),
         )
 
 

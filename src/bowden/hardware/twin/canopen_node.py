@@ -8,8 +8,7 @@ from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.cia402 import WITH_TORQUE, encode, step
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, SAFE_TORQUE_OFF
-from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, load_range, motor_scale
-from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, load_range
 from bowden.hardware.twin.node import HOTTEST, TwinNode
 from bowden.hardware.twin.objects import Key, Objects, SdoAnswers, dictionary, overridden
 from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, torque_on_joint
@@ -58,9 +57,8 @@ class CanopenNode(TwinNode):
         "load_silence": "a load cell at the drive's input sends nothing by itself: inject load_stuck",
     }
 
-    def _prepare(self) -> Scale | SuitScale:
+    def _prepare(self) -> None:
         self.syncs, self._joint = 0, joint_scale(self._drive)
-        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         self.nmt, self.state, self.error = frames.BOOT_UP, DriveState.NOT_READY_TO_SWITCH_ON, 0
@@ -191,18 +189,14 @@ class CanopenNode(TwinNode):
         hot = self.bench.temperature >= HOTTEST
         self._enter(step(self.state, control, edge, fault_gone=not hot), now)
 
-    def _enter(self, state: DriveState, now: float) -> None:
-        if state is self.state:
-            return
-        before, self.state = self.state, state
-        self._journal(now, "state", state.name)
+    def _entered(self, before: Any, now: float, why: str) -> None:
         if before is DriveState.FAULT:
             self.error = 0
             self._emit(frames.EMERGENCY, frames.pack_emergency(0, 0), now)
-        if state is DriveState.OPERATION_ENABLED:
+        if self.state is DriveState.OPERATION_ENABLED:
             self._power(now, on=True)
-        elif before in WITH_TORQUE and state not in WITH_TORQUE:
-            self._power(now, on=False, why=state.name)
+        elif before in WITH_TORQUE and self.state not in WITH_TORQUE:
+            self._power(now, on=False, why=why)
 
     def _stop(self, now: float, why: str) -> None:
         self._power(now, on=False, why=why)

@@ -6,43 +6,20 @@ and a drift as in simulation. With the fault ``joint_silence`` nothing is sent, 
 
 import contextlib
 import math
-import os
 import socket
-import tty
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bowden.hardware.emg.lsl_info import library
+from bowden.core.errors import StreamError
 from bowden.hardware.joint_stream import Raw, line_of
 from bowden.hardware.twin.faults import Faults
 from bowden.plants.estimated import BENDS
 from bowden.rig.joint_sensor import address_of
 from bowden.rig.settings import JointSensor
-from bowden.sensing.joint_sample import Quaternion, numbers_in, on_curve
-
-
-def serial_line(port: Path) -> tuple[Callable[[Raw], None], Callable[[], None]]:
-    """How to send over a pseudo terminal to which `port` is a link, and how to take it away."""
-    host, line = os.openpty()
-    tty.setraw(line)
-    os.set_blocking(host, False)
-    port.unlink(missing_ok=True)
-    port.symlink_to(os.ttyname(line))
-
-    def send(raw: Raw) -> None:
-        with contextlib.suppress(BlockingIOError):  # nobody reads
-            os.write(host, line_of(raw))
-
-    def close() -> None:
-        port.unlink(missing_ok=True)
-        os.close(host)
-        os.close(line)
-
-    return send, close
+from bowden.sensing.joint_sample import Quaternion, on_curve
 
 
 class JointSensorTwin:
@@ -55,7 +32,7 @@ class JointSensorTwin:
         seed: of its noise.
 
     Raises:
-        StreamError: liblsl is not there.
+        StreamError: a stream that a twin on such a bus has not.
     """
 
     def __init__(self, sensor: JointSensor, joint: Callable[[], float], faults: Faults, seed: int) -> None:
@@ -65,29 +42,20 @@ class JointSensorTwin:
         self._drift = math.copysign(sensor.drift if sensor.source == "imu" else 0.0, self._random.standard_normal())
         self._coming: deque[tuple[float, Raw]] = deque()
         self._began, self._next = math.nan, -math.inf
-        self._send, self.close = self._opened()
+        kind, (host, port) = address_of(sensor)
+        if kind not in ("udp", "twin"):
+            raise StreamError(
+                f"a twin on a CAN interface plays no sensor by {sensor.stream}",
+                expected="joint_sensor.stream by udp, or the interface bowden_unix",
+                do="choose one of them",
+            )
+        self._to: Any = (host if host != "0.0.0.0" else "127.0.0.1", port) if port else host
+        self._socket = socket.socket(socket.AF_INET if port else socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
 
-    def _opened(self) -> tuple[Callable[[Raw], None], Callable[[], None]]:
-        kind, where = address_of(self._sensor)
-        if kind == "lsl":
-            lsl, sensor = library(), self._sensor
-            count = numbers_in(sensor.source, sensor.gives, sensor.bodies)
-            info = lsl.StreamInfo(where[0], "joint", count, 1.0 / sensor.period, "double64", "bowden twin")
-            outlet: Any = lsl.StreamOutlet(info)
-            return lambda raw: outlet.push_sample(list(raw.values)), lambda: None
-        host, port = where
-        if kind == "serial":
-            return serial_line(Path(host))
-        to = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        to.setblocking(False)
-
-        def send(raw: Raw) -> None:
-            try:
-                to.sendto(line_of(raw), ("127.0.0.1" if host == "0.0.0.0" else host, port))
-            except OSError:  # nobody listens yet
-                return
-
-        return send, to.close
+    def close(self) -> None:
+        """Send no more."""
+        self._socket.close()
 
     def tick(self, now: float) -> None:
         """Let time pass: sample, and send what is old enough."""
@@ -99,7 +67,8 @@ class JointSensorTwin:
         while self._coming and self._coming[0][0] <= now:
             raw = self._coming.popleft()[1]
             if not self._faults.active("joint_silence", now):
-                self._send(raw)
+                with contextlib.suppress(OSError):  # nobody listens yet
+                    self._socket.sendto(line_of(raw), self._to)
 
     def _values(self, now: float) -> tuple[float, ...]:
         """What it sends of the joint's angle."""

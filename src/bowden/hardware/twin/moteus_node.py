@@ -14,10 +14,9 @@ from typing import Any, ClassVar, NamedTuple
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale, motor_scale
+from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale
 from bowden.hardware.drives.moteus_drive import HOMED, state_of
 from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
-from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import SUPPLY, TwinNode
@@ -50,40 +49,6 @@ ONLY_INT32 = frozenset(
 )
 
 
-class MoteusConsole:
-    """Takes bytes in and gives bytes out; of its commands those that somebody sends to the twin.
-
-    Args:
-        configuration: name → value.
-    """
-
-    def __init__(self, configuration: dict[str, float]) -> None:
-        self.configuration = configuration
-        self._heard, self._said = b"", b""
-
-    def take(self, data: bytes) -> None:
-        """Bytes from the host; each line is answered."""
-        lines = (self._heard + data).replace(b"\r", b"\n").split(b"\n")
-        self._heard = lines.pop()[-LONGEST_LINE:]
-        for line in lines:
-            if line.strip():
-                self._said += self._answer(line.decode("latin-1").split()).encode() + b"\r\n"
-
-    def give(self, most: int) -> bytes:
-        """Bytes for the host, this many at most."""
-        given, self._said = self._said[:most], self._said[most:]
-        return given
-
-    def _answer(self, words: list[str]) -> str:
-        match words:
-            case ["conf", "get", name]:
-                value = self.configuration.get(name)
-                return "ERR error reading" if value is None else _text(value)
-            case ["tel", "stop"]:
-                return "OK"
-        return "ERR unknown command"
-
-
 def _text(value: float) -> str:
     return f"{int(value)}" if math.isfinite(value) and value == int(value) else f"{value:f}"
 
@@ -111,6 +76,10 @@ for a rig (mjbots/moteus, docs/reference/configuration.md).
 """
 
 
+def _read_error(register: int, error: int) -> bytes:
+    return bytes((frames.READ_ERROR,)) + frames.varuint(register) + bytes((error,))
+
+
 class Sampled(NamedTuple):
     """Readings of the board's sensors."""
 
@@ -135,14 +104,13 @@ class MoteusNode(TwinNode):
         "joint_silence": "the joint's encoder hangs on the board: inject encoder_frozen joint, or encoder_nan joint",
     }
 
-    def _prepare(self) -> Scale | SuitScale:
+    def _prepare(self) -> None:
         self._joint, self.turn = joint_scale(self._drive), self._drive.output_ratio
         self.commands = 0
         """Frames that were for this board."""
-        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
-        self.mode, self.fault = BoardMode.STOPPED, 0
+        self.state, self.fault = BoardMode.STOPPED, 0
         self._command, self._wanted = dict(COMMANDS), BoardMode.STOPPED
         self._valid = False
         self._commanded = self._deadline = self._enabled = math.inf
@@ -161,11 +129,11 @@ class MoteusNode(TwinNode):
         others = {name: value for name, value in self._overrides.items() if isinstance(name, str)}
         self._named |= {name: value for name, value in others.items() if value is not None}
         self._named = {name: value for name, value in self._named.items() if others.get(name, 0.0) is not None}
-        self.console = MoteusConsole(self._named)
+        self._heard, self._said = b"", b""  # on the diagnostic channel
 
     def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
-        fault = self.fault if self.mode is BoardMode.FAULT else 0
-        return state_of(self.mode), fault, {"mode": int(self.mode), "commands": self.commands}
+        fault = self.fault if self.state is BoardMode.FAULT else 0
+        return state_of(self.state), fault, {"mode": int(self.state), "commands": self.commands}
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """A frame from the bus; whether its identifier is an extended one does not count."""
@@ -197,49 +165,66 @@ class MoteusNode(TwinNode):
     def _obey(self, data: bytes, now: float, *, answers: bool) -> bytes:
         """Take a frame's subframes in their order; the reply to them, as long as there is room for the next one."""
         reply = bytearray()
-        for _, one in frames.subframes(data):
+        for one in frames.subframes(data):
             if answers and LARGEST_REPLY - len(reply) < RESERVE:
                 break
-            if isinstance(one, frames.RegisterWritten):
-                error = self._write(one.register, one.value)
+            if one.head == frames.WRITE:
+                error = self._write(one.at, one.value)
                 if error and answers:
-                    reply += bytes((frames.WRITE_ERROR,)) + frames.varuint(one.register) + bytes((error,))
-            elif isinstance(one, frames.RegistersAsked) and answers:
+                    reply += bytes((frames.WRITE_ERROR,)) + frames.varuint(one.at) + bytes((error,))
+            elif one.head == frames.READ and answers:
                 found = self._answer(one, LARGEST_REPLY - len(reply), now)
-                if isinstance(found, frames.Failed):
-                    reply += bytes((frames.READ_ERROR,)) + frames.varuint(found.register) + bytes((found.error,))
-                    break  # the rest of a frame with such an error is not looked at
                 reply += found
-            elif isinstance(one, frames.ConsoleBytes) and not self._talk(one, reply, answers=answers):
+                if found[0] == frames.READ_ERROR:
+                    break  # the rest of a frame with such an error is not looked at
+            elif one.head >= frames.TO_DRIVE and not self._talk(one, reply, answers=answers):
                 break
         return bytes(reply)
 
-    def _talk(self, one: frames.ConsoleBytes, reply: bytearray, *, answers: bool) -> bool:
+    def _talk(self, one: frames.Subframe, reply: bytearray, *, answers: bool) -> bool:
         """The diagnostic channel; whether there is such a one."""
-        if one.channel != frames.CHANNEL or one.kind == frames.FROM_DRIVE:
+        if one.at != frames.CHANNEL or one.head == frames.FROM_DRIVE:
             return False
-        if one.kind == frames.TO_DRIVE:
-            self.console.take(one.data)
+        if one.head == frames.TO_DRIVE:
+            self._hear(one.data)
         if answers:
             room = LARGEST_REPLY - len(reply) - RESERVE
-            said = self.console.give(max(0, min(room, one.most if one.kind == frames.POLL else room)))
+            most = max(0, min(room, int(one.value) if one.head == frames.POLL else room))
+            said, self._said = self._said[:most], self._said[most:]
             reply += bytes((frames.FROM_DRIVE, frames.CHANNEL)) + frames.varuint(len(said)) + said
         return True
 
-    def _answer(self, asked: frames.RegistersAsked, room: int, now: float) -> bytes | frames.Failed:
+    def _hear(self, data: bytes) -> None:
+        """Bytes of the diagnostic channel; each line is answered, of the console's commands those that somebody sends
+        to the twin.
+        """
+        lines = (self._heard + data).replace(b"\r", b"\n").split(b"\n")
+        self._heard = lines.pop()[-LONGEST_LINE:]
+        for line in filter(bytes.strip, lines):
+            match line.decode("latin-1").split():
+                case ["conf", "get", name]:
+                    value = self._named.get(name)
+                    said = "ERR error reading" if value is None else _text(value)
+                case ["tel", "stop"]:
+                    said = "OK"
+                case _:
+                    said = "ERR unknown command"
+            self._said += said.encode() + b"\r\n"
+
+    def _answer(self, asked: frames.Subframe, room: int, now: float) -> bytes:
         """The reply to a question for registers, in the type asked for, or which of them there is not."""
         size = (1, 2, 4, 4)[asked.kind]
-        head = frames.subframe(frames.REPLY, asked.kind, asked.register, asked.amount)
+        head = frames.subframe(frames.REPLY, asked.kind, asked.at, asked.amount)
         if asked.counted:
             head = bytes((frames.REPLY | asked.kind << 2,)) + frames.varuint(asked.amount)
-            head += frames.varuint(asked.register)
+            head += frames.varuint(asked.at)
         if len(head) + asked.amount * size > room:
-            return frames.Failed(asked.register, frames.NOT_WRITEABLE)
+            return _read_error(asked.at, frames.NOT_WRITEABLE)
         found = b""
-        for register in range(asked.register, asked.register + asked.amount):
+        for register in range(asked.at, asked.at + asked.amount):
             value = self._read(register, asked.kind, now)
             if value is None:
-                return frames.Failed(register, frames.UNKNOWN_REGISTER)
+                return _read_error(register, frames.UNKNOWN_REGISTER)
             found += frames.values(0, asked.kind, register, value)[1 + len(frames.varuint(register)) :]
         return head + found
 
@@ -275,7 +260,7 @@ class MoteusNode(TwinNode):
         sources = {1: math.nan, 2: math.nan, drive.joint_source: shown.joint}
         valid = math.isfinite(shown.joint)
         return {
-            Register.MODE: float(self.mode),
+            Register.MODE: float(self.state),
             Register.POSITION: shown.motor,
             Register.VELOCITY: self._velocity(),
             Register.TORQUE: shown.current * drive.needs.torque_constant / drive.output_ratio,
@@ -324,10 +309,10 @@ class MoteusNode(TwinNode):
             self._held = self._position()
         if wanted is BoardMode.STOPPED:
             self._enter(BoardMode.STOPPED, now)
-        elif self.mode is BoardMode.STOPPED:
+        elif self.state is BoardMode.STOPPED:
             self._enabled = now + ENABLING_TIME
             self._enter(BoardMode.ENABLING, now)
-        elif self.mode not in (*NOT_COMMANDED, BoardMode.TIMEOUT):
+        elif self.state not in (*NOT_COMMANDED, BoardMode.TIMEOUT):
             self._begin(now)
 
     def _begin(self, now: float) -> None:
@@ -352,18 +337,13 @@ class MoteusNode(TwinNode):
         low, high = self._bounds()
         return place if self._command[Register.COMMAND_IGNORE_BOUNDS] else max(low, min(high, place))
 
-    def _enter(self, mode: BoardMode, now: float) -> None:
-        if mode is self.mode:
-            return
-        before, self.mode = self.mode, mode
-        self._journal(now, "state", mode.name)
+    def _entered(self, before: Any, now: float, why: str) -> None:
         if before is BoardMode.FAULT:
             self.fault = 0
-        on = mode is BoardMode.POSITION or self._doing(now) != OFF
-        self._power(now, on=on, why=mode.name)
+        self._power(now, on=self.state is BoardMode.POSITION or self._doing(now) != OFF, why=why)
 
     def _stop(self, now: float, why: str) -> None:
-        self._enter(BoardMode.STOPPED, now)
+        self._enter(BoardMode.STOPPED, now, why)
 
     def _code_of(self, amount: int) -> int:
         return amount if frames.FIRST_FAULT <= amount < frames.FIRST_LIMIT else DRIVER_FAULT
@@ -371,20 +351,20 @@ class MoteusNode(TwinNode):
     def _doing(self, now: float) -> Doing:
         """What the motor does in this mode."""
         command = self._command
-        if self.mode is BoardMode.POSITION:
+        if self.state is BoardMode.POSITION:
             torque = command[Register.COMMAND_MAX_TORQUE]
             gains = command[Register.COMMAND_KP_SCALE] > 0.0 and self._named.get("servo.pid_position.kp", 0.0) > 0.0
             gives = gains and (math.isnan(torque) or torque > 0.0) and not self.faults.active("inert", now)
             return FOLLOW if gives else OFF
         reaction = self._named.get("servo.timeout_mode", 0.0)
-        braking = self.mode is BoardMode.TIMEOUT and reaction != BoardMode.STOPPED
-        return BRAKE if braking or self.mode in (BoardMode.ZERO_VELOCITY, BoardMode.BRAKE) else OFF
+        braking = self.state is BoardMode.TIMEOUT and reaction != BoardMode.STOPPED
+        return BRAKE if braking or self.state in (BoardMode.ZERO_VELOCITY, BoardMode.BRAKE) else OFF
 
     def _watch(self, now: float) -> None:
-        if self.mode is BoardMode.ENABLING and now >= self._enabled:
+        if self.state is BoardMode.ENABLING and now >= self._enabled:
             self._begin(now)
         deadline = max(self._deadline, self._commanded + self.patience) if self.patience else self._deadline
-        if self.mode is BoardMode.POSITION and now >= deadline:
+        if self.state is BoardMode.POSITION and now >= deadline:
             self._enter(BoardMode.TIMEOUT, now)
 
     def _fail(self, code: int, now: float) -> None:
@@ -406,7 +386,7 @@ class MoteusNode(TwinNode):
 
     def _protect(self, now: float) -> None:
         window = self._named.get("servo.fault_position_error", math.nan)
-        if self.mode is not BoardMode.POSITION:
+        if self.state is not BoardMode.POSITION:
             return
         if math.isfinite(window) and abs(self._control(now) - self._position()) > window:
             self._fail(POSITION_ERROR, now)

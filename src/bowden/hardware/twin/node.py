@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.place import ERROR
 from bowden.hardware.drives.joint_encoder import has_encoder
-from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.drives.scale import Scale, motor_scale
 from bowden.hardware.twin.faults import BIT_ERROR, Faults, Outbox, Send
 from bowden.hardware.twin.injection import Injection
 from bowden.hardware.twin.plant import OFF, Doing, TwinPlant
@@ -46,6 +46,8 @@ class TwinNode(ABC):
 
     lacks: ClassVar[Mapping[str, str]] = {}
     """Faults that a drive of this family cannot have, as ``reboot`` or ``encoder_nan motor`` → why."""
+    state: Any
+    """Of its family's own machine, where that has one."""
     turn: float = 1.0
     """What `turns_lost` moves the drive's position by, in the drive's unit."""
 
@@ -63,7 +65,8 @@ class TwinNode(ABC):
         if has_encoder(drive):
             objects = {key: value for key, value in self._overrides.items() if isinstance(key, tuple)}
             self._encoder = JointEncoderNode(drive, lambda: bench.read_encoders()[0], self.faults, send, objects)
-        self._scale = self._prepare()
+        self._scale = motor_scale(drive)
+        self._prepare()
         self._history: deque[Any] = deque(maxlen=1000)  # of samples
         self._shift = 0.0  # between the drive's position and the plant's, in the drive's unit
         self.patience = 0.0
@@ -81,8 +84,8 @@ class TwinNode(ABC):
         """A frame from the bus; an extended identifier, and a remote frame, have the flags of `buses.place`."""
 
     @abstractmethod
-    def _prepare(self) -> Scale | SuitScale:
-        """What does not change while it is on; the scale of the motor's position."""
+    def _prepare(self) -> None:
+        """What does not change while it is on."""
 
     @abstractmethod
     def _power_up(self) -> None:
@@ -111,6 +114,17 @@ class TwinNode(ABC):
     @abstractmethod
     def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
         """State, error code, 0 for none, and what else this family knows of itself."""
+
+    def _enter(self, state: Any, now: float, why: str = "") -> None:
+        """Another state, of a family whose states have names."""
+        if state is not self.state:
+            before, self.state = self.state, state
+            self._journal(now, "state", state.name)
+            self._entered(before, now, why or state.name)
+
+    def _entered(self, before: Any, now: float, why: str) -> None:
+        """What comes with a state that was not there before: torque, or none."""
+        return
 
     def _boot(self, now: float) -> None:
         """It has started, which some families say on the bus."""

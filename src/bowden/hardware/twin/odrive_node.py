@@ -17,11 +17,10 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
-from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale
+from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.odrive_drive import state_of
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
-from bowden.hardware.drives.odrive_frames import ESTOP, WATCHDOG, AxisState, Beat, Cmd, Scales, unpack
-from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.drives.odrive_frames import ESTOP, WATCHDOG, AxisState, Beat, Cmd, unpack
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import HOTTEST, SUPPLY, TwinNode
@@ -68,10 +67,9 @@ class OdriveNode(TwinNode):
         "kick": "it begins at its own position",
     }
 
-    def _prepare(self) -> Scale | SuitScale:
+    def _prepare(self) -> None:
         self._endpoints = endpoints_of(self._drive.endpoints)
         self._set: dict[str, float] = {}
-        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         if self._set:  # it was on before, and has lost its turns, or its position
@@ -153,7 +151,7 @@ class OdriveNode(TwinNode):
             for name, value in zip(SET_BY[cmd], values, strict=True):
                 self._change(name, float(value))
         elif cmd == Cmd.SET_INPUT_POS:
-            scales = Scales(self._set[settings.VELOCITY_SCALE] or 1.0, self._set[settings.TORQUE_SCALE] or 1.0)
+            scales = self._set[settings.VELOCITY_SCALE] or 1.0, self._set[settings.TORQUE_SCALE] or 1.0
             target = frames.unpack_target(data, scales)
             if target is not None and all(math.isfinite(value) for value in target):
                 self._input = target
@@ -178,12 +176,8 @@ class OdriveNode(TwinNode):
         self._input = frames.Target(self._setpoint, 0.0, 0.0)
         self._enter(AxisState.CLOSED_LOOP_CONTROL, now)
 
-    def _enter(self, state: AxisState, now: float, why: str = "") -> None:
-        if state is self.state:
-            return
-        self.state = state
-        self._journal(now, "state", state.name)
-        self._power(now, on=state is AxisState.CLOSED_LOOP_CONTROL, why=why or state.name)
+    def _entered(self, before: Any, now: float, why: str) -> None:
+        self._power(now, on=self.state is AxisState.CLOSED_LOOP_CONTROL, why=why)
 
     def _stop(self, now: float, why: str) -> None:
         self._enter(AxisState.IDLE, now, why)

@@ -1,7 +1,7 @@
 """What a twin of a rig moves: the suit where one is worn, a plant of the user's own, or the bench round its cable."""
 
 from collections import deque
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 from bowden.hardware.drives.of_rig import cell_place
 from bowden.hardware.twin.bench import SharedJoint, TwinBench
@@ -29,16 +29,9 @@ def attach_load_cell(running: TwinProcess, rig: Rig) -> None:
     running.attach(lambda plant, faults, send: LoadCellNode(cell, plant, faults, send), None if shared else place)
 
 
-class PlayedDrive(NamedTuple):
-    """A drive that a twin plays, and what is behind it."""
-
-    drive: Any
-    """Its parameters, whole."""
-    plant: TwinPlant
-
-
-def played(joint: RigJoint, now: float) -> tuple[PlayedDrive, ...]:
-    """The drives of a joint's motors, with what is behind them; of several one joint that all their cables pull.
+def played(joint: RigJoint, now: float) -> list[tuple[Any, TwinPlant]]:
+    """The drives of a joint's motors, their parameters whole, with what is behind them; of several one joint that all
+    their cables pull.
 
     A cable that pulls downwards is played in the coordinate in which its motor pulls upwards.
 
@@ -50,7 +43,7 @@ def played(joint: RigJoint, now: float) -> tuple[PlayedDrive, ...]:
         ParameterError: a plant that cannot be.
     """
     if not joint.shared:
-        return (PlayedDrive(joint.first.drive_parameters, twin_plant_of(joint.first, now)),)
+        return [(joint.first.drive_parameters, twin_plant_of(joint.first, now))]
     drives, benches, signs = [], [], []
     for place, one in enumerate(joint.motors):
         rig, sign = one.rig, -one.rig.limits.slack_sign
@@ -62,7 +55,7 @@ def played(joint: RigJoint, now: float) -> tuple[PlayedDrive, ...]:
         drives.append(rig.drive_parameters if sign > 0.0 else mirrored(rig.drive_parameters))
     SharedJoint(benches, signs, joint.settings.stiffness)
     each = zip(drives, benches, joint.motors, strict=True)
-    return tuple(PlayedDrive(drive, late(bench, _delay(one.rig))) for drive, bench, one in each)
+    return [(drive, late(bench, _delay(one.rig))) for drive, bench, one in each]
 
 
 def _delay(rig: Rig) -> float:

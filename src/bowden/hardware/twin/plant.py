@@ -49,6 +49,23 @@ class Physics(NamedTuple):
     """τ of the power stage [s]."""
 
 
+class Look(NamedTuple):
+    """Where a plant truly is."""
+
+    motor: float
+    """Angle of the spool, of a suit in the joint's coordinate [rad]."""
+    velocity: float
+    """Of the spool [rad/s]."""
+    joint: float
+    """Joint angle [rad]."""
+    tension: float
+    """Of the cable at the spool [N]."""
+    current: float
+    """Of the motor, as long as it has torque [A]."""
+    interaction: float | None = None
+    """Torque of a suit on the elbow, flexing positive; None of a bench [N·m]."""
+
+
 def torque_on_joint(plant: "TwinPlant") -> float:
     """What a load cell at the joint measures: of a suit its torque on the elbow, of a bench the cable's, as if the
     joint's lever were the spool's radius [N·m]."""
@@ -111,35 +128,39 @@ class TwinPlant(ABC):
     def _begin(self, plant: Any, motor: float, now: float) -> None:
         """At rest at a motor angle [rad], at `now` [s]; what is compiled is compiled here."""
 
-    @property
     @abstractmethod
+    def look(self) -> Look:
+        """Where it is now."""
+
+    @property
     def motor(self) -> float:
-        """Angle of the spool, of a suit in the joint's coordinate [rad]."""
+        """See `Look`."""
+        return self.look().motor
 
     @property
-    @abstractmethod
     def velocity(self) -> float:
-        """Of the spool [rad/s]."""
+        """See `Look`."""
+        return self.look().velocity
 
     @property
-    @abstractmethod
     def joint(self) -> float:
-        """Joint angle [rad]."""
+        """See `Look`."""
+        return self.look().joint
 
     @property
-    @abstractmethod
     def tension(self) -> float:
-        """Of the cable at the spool [N]."""
+        """See `Look`."""
+        return self.look().tension
 
     @property
-    @abstractmethod
     def current(self) -> float:
-        """Of the motor; zero without torque [A]."""
+        """See `Look`; zero without torque."""
+        return 0.0 if self.doing == OFF else self.look().current
 
     @property
     def interaction(self) -> float | None:
-        """Torque of a suit on the elbow, flexing positive; None of a bench [N·m]."""
-        return None
+        """See `Look`."""
+        return self.look().interaction
 
     @abstractmethod
     def advance(self, now: float) -> None:

@@ -14,8 +14,7 @@ from typing import Any, ClassVar
 
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.packets import ALL, STATUS, Instruction
-from bowden.hardware.drives.scale import Scale, SuitScale
-from bowden.hardware.drives.servo_table import ServoTable, joint_scale, motor_scale
+from bowden.hardware.drives.servo_table import ServoTable, joint_scale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import HOTTEST, TwinNode
@@ -73,9 +72,10 @@ class ServoMemory:
 
     def read(self, address: int, length: int) -> bytes:
         """What stands there; where indirect addresses say so, what stands elsewhere."""
-        if self.table.indirect is None or address != self.table.indirect[1]:
+        indirect = self.table.of(self["Firmware Version"]).indirect
+        if indirect is None or address != indirect[1]:
             return bytes(self.bytes[address : address + length])
-        first = self.table.indirect[0]
+        first = indirect[0]
         places = (int.from_bytes(self.bytes[first + 2 * i : first + 2 * i + 2], "little") for i in range(length))
         return bytes(self.bytes[place % SIZE] for place in places)
 
@@ -100,7 +100,7 @@ class ServoNode(TwinNode):
         "saturated": "it tells no speed, and its current has no end that a motor reaches",
     }
 
-    def _prepare(self) -> Scale | SuitScale:
+    def _prepare(self) -> None:
         drive, table = self._drive, self._drive.table
         self.turn = float(table.turn)
         given = drive.setup.as_new
@@ -109,7 +109,6 @@ class ServoNode(TwinNode):
         self._joint = ServoMemory(table, drive.joint_node_id, given, {}) if drive.joint == "servo" else None
         self._joint_scale = joint_scale(drive)
         self._kicks_until = self._failed = -math.inf
-        return motor_scale(drive)
 
     def _power_up(self) -> None:
         for one in (self._own, self._joint):
@@ -133,7 +132,8 @@ class ServoNode(TwinNode):
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """See `TwinNode.receive`."""
-        there = [one for one in (self._own, self._joint) if one is not None]
+        joint = None if self.faults.active("joint_silence", now) else self._joint
+        there = [one for one in (self._own, joint) if one is not None]
         heard = [one for one in there if identifier in (one.number, ALL)]
         if not heard or not data or data[0] == STATUS or self._is_destroyed(now) or not self._is_receiving(now):
             return

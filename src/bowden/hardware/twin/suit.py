@@ -12,7 +12,7 @@ rest when the power goes off.
 import math
 
 from bowden.core.kernel import compiled, kernel
-from bowden.hardware.twin.plant import BRAKE, OFF, TwinPlant
+from bowden.hardware.twin.plant import BRAKE, OFF, Look, TwinPlant
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.geared_motor import no_load_speed
 from bowden.models.suit.arm import Wearer
@@ -125,35 +125,11 @@ class TwinSuit(TwinPlant):
         size = self._swing**2 * (3.0 - 2.0 * self._swing)
         return self.suit.wearer._replace(swing=size * self.suit.wearer.swing)
 
-    @property
-    def motor(self) -> float:
-        """See `TwinPlant.motor`."""
-        return float(suit_motor(self._prepared, self._state))
-
-    @property
-    def velocity(self) -> float:
-        """See `TwinPlant.velocity`."""
-        return self._state.spool.velocity
-
-    @property
-    def joint(self) -> float:
-        """See `TwinPlant.joint`."""
-        return self._state.joint
-
-    @property
-    def tension(self) -> float:
-        """See `TwinPlant.tension`: of the flexor."""
-        return self._state.flexor_pull.motor
-
-    @property
-    def current(self) -> float:
-        """See `TwinPlant.current`."""
-        return 0.0 if self.doing == OFF else self._state.spool.current
-
-    @property
-    def interaction(self) -> float:
-        """See `TwinPlant.interaction`."""
-        return self._state.interaction
+    def look(self) -> Look:
+        """See `TwinPlant.look`; the tension is the flexor's."""
+        state = self._state
+        spool, motor = state.spool, float(suit_motor(self._prepared, state))
+        return Look(motor, spool.velocity, state.joint, state.flexor_pull.motor, spool.current, state.interaction)
 
     def read_encoders(self) -> tuple[float, float]:
         """See `TwinPlant.read_encoders`: the flex sensor at the elbow, the encoder at the spool."""

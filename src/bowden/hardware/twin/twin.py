@@ -96,7 +96,7 @@ class Twin:
         """Put the twin of a joint's sensor that is no encoder beside the drive.
 
         Raises:
-            StreamError: liblsl is not there.
+            StreamError: see `JointSensorTwin`.
         """
         bench = self._node.bench
         self._sensor = JointSensorTwin(sensor, lambda: bench.joint, self._node.faults, seed)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, reached, specialise
-from bowden.hardware.twin.plant import FOLLOW, OFF, TwinPlant
+from bowden.hardware.twin.plant import FOLLOW, OFF, Look, TwinPlant
 from bowden.models.drive.motor import current
 from bowden.plants.plant import (
     SheathState,
@@ -120,36 +120,23 @@ class TwinUser(TwinPlant):
     def _sheath_at(self, time: float) -> SheathState:
         return sheath_state(self.plant.sheath, self._bend_at(time))
 
-    @property
-    def motor(self) -> float:
-        """See `TwinPlant.motor`."""
-        return self._between(self._before.motor, self._after.motor)
-
-    @property
-    def velocity(self) -> float:
-        """See `TwinPlant.velocity`."""
-        return self._between(self._before.motor_velocity, self._after.motor_velocity)
-
-    @property
-    def joint(self) -> float:
-        """See `TwinPlant.joint`."""
-        return self._between(self._before.joint, self._after.joint)
-
-    @property
-    def current(self) -> float:
-        """See `TwinPlant.current`; where the plant does not say, that of the bench's spring."""
-        if self.doing == OFF:
-            return 0.0
-        if math.isfinite(self._cycle.current):
-            return self._cycle.current
-        acceleration = (self._after.motor_velocity - self._before.motor_velocity) / self.plant.sample_time
-        return current(acceleration, self.joint, 1.0, self.plant.motor)
-
-    @property
-    def tension(self) -> float:
-        """See `TwinPlant.tension`: what the motor's torque pulls, over the spool's radius."""
-        motor = self.plant.motor
-        return max(0.0, self.current * motor.gear * motor.torque_constant) / self.physics.spool_radius
+    def look(self) -> Look:
+        """See `TwinPlant.look`; where the plant does not say its current it is that of the bench's spring, and its
+        tension is what the motor's torque pulls, over the spool's radius.
+        """
+        before, after, motor = self._before, self._after, self.plant.motor
+        joint, amperes = self._between(before.joint, after.joint), self._cycle.current
+        if not math.isfinite(amperes):
+            acceleration = (after.motor_velocity - before.motor_velocity) / self.plant.sample_time
+            amperes = current(acceleration, joint, 1.0, motor)
+        pull = 0.0 if self.doing == OFF else max(0.0, amperes * motor.gear * motor.torque_constant)
+        return Look(
+            self._between(before.motor, after.motor),
+            self._between(before.motor_velocity, after.motor_velocity),
+            joint,
+            pull / self.physics.spool_radius,
+            amperes,
+        )
 
     def read_encoders(self) -> tuple[float, float]:
         """See `TwinPlant.read_encoders`: what the plant's own ``observe`` makes of where it is now."""

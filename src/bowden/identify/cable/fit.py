@@ -20,10 +20,9 @@ from bowden.core.guesses import answering
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.drawing import shown
-from bowden.identify.cable import drawing
+from bowden.drawing.shown import Panels
 from bowden.identify.cable.cycles import Cycles
-from bowden.identify.cable.fitted import FittedLog, ModelFit, Recalibration
-from bowden.identify.cable.forecast import Forecast, forecast
+from bowden.identify.cable.fitted import FittedLog, Forecast, ModelFit, Recalibration, forecast
 from bowden.identify.cable.hysteresis_loop import HysteresisLoop, loop_lines
 from bowden.identify.log.read import Log
 from bowden.plants.cable_parameters import check_parameters, meaning, parameter_lines, shown_value
@@ -62,8 +61,13 @@ _UNJUDGED = Trust("no", ("nothing was judged",))
     lambda fit, name: f"fit.best.parameters[{name!r}]" if name in fit.__dict__["best"].parameters else "",
 )
 @dataclass(frozen=True, repr=False)
-class Fit:
-    """What logs say about their cable."""
+class Fit(shown.Plotted):
+    """What logs say about their cable.
+
+    What is drawn is the loop: joint over motor, as recorded and as the recommended model draws it in the second half,
+    and the same without the straight line. Of several logs, both branches at the least, the middle and the largest
+    load; of a known model, what it leaves.
+    """
 
     models: Mapping[str, ModelFit]
     """Of one log ``line``, ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``, ``generalised_play``;
@@ -147,26 +151,13 @@ class Fit:
         """
         write_text(path_of_file(path, "Fit.write: path"), model_text(self))
 
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw the loop: joint over motor, as recorded and as the recommended model draws it in the second half.
-
-        Of several logs, both branches at the least, the middle and the largest load; of a known model, what it leaves.
-
-        Args:
-            axes: matplotlib's, one or two, of which the second shows the same without the straight line; a new figure
-                is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes.
-        """
-        found = shown.axes_for(axes, 1, self._panels, 7.0, 3.4)
-        self._draw(found)
-        return found
+    @property
+    def _panels(self) -> Panels:  # type: ignore[override]
+        return Panels(1, 1 if self.recalibration or len(self.logs) > 1 else 2, 7.0, 3.4)
 
     def _draw(self, axes: "Sequence[Axes]") -> None:
+        from bowden.identify.cable import drawing
+
         if self.recalibration:
             drawing.draw_residual(axes[0], self.logs[0])
         elif len(self.logs) > 1:
@@ -174,24 +165,7 @@ class Fit:
         else:
             drawing.draw_loop(axes, self.logs[0], self.models["line"].model, self.chosen.loop)
 
-    @property
-    def _panels(self) -> int:
-        return 1 if self.recalibration or len(self.logs) > 1 else 2
-
-    def __repr__(self) -> str:
-        """One screen: the recommended model, its error and its parameters, the other models, and what to know."""
-        return shown.screen(self.title, self._rows())
-
-    def _repr_html_(self) -> str:
-        from bowden.drawing.style import new_figure
-
-        figure, axes = new_figure(1, self._panels, height=3.4)
-        self._draw(axes)
-        return shown.fragment(self.title, self._rows(), figure)
-
-    @property
-    def title(self) -> str:
-        """The result in one line."""
+    def _title(self) -> str:
         if self.recalibration:
             return f"Recalibration of {self.best.name} on {self.name}"
         if len(self.logs) > 1:
@@ -281,7 +255,7 @@ def model_text(fit: Fit) -> str:
         ]
     lines += _loop_lines(fit.chosen.loop)
     for name, fitted in fit.models.items():
-        if name not in (best.name, "bouc_wen") and not _usable(name, fitted):
+        if name not in (best.name, "bouc_wen") and not usable(name, fitted):
             lines += ["", f"# {name} is left out: the log does not show its parameters; no cable has what they came to"]
             continue
         recommended = {"judged_rms": fit.judged_rms} if name == best.name else {}
@@ -315,8 +289,8 @@ def _loop_lines(loop: HysteresisLoop | None) -> list[str]:
     return lines
 
 
-def _usable(name: str, fitted: ModelFit) -> bool:
-    """True if a rig takes the parameters."""
+def usable(name: str, fitted: ModelFit) -> bool:
+    """True if a rig takes the parameters: else the log does not show them, and only its page has the model."""
     try:
         check_parameters(name, fitted.parameters, name)
     except ParameterError:

@@ -27,9 +27,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
-from bowden.identify.cable.projection import inverse_of, products, solve_linear
+from bowden.identify.cable.plays import LAGS
+from bowden.identify.cable.projection import (
+    Array,
+    Estimate,
+    inverse_of,
+    products,
+    solve_linear,
+    weights_of_one_sign,
+    without,
+)
 from bowden.identify.cable.validation import folds
 from bowden.models.cable.generalised_play import (
     Branches,
@@ -40,8 +48,7 @@ from bowden.models.cable.generalised_play import (
     slots_of,
     with_curve,
 )
-from bowden.models.cable.prandtl_ishlinskii import plays
-from bowden.plants.predicted import branches_of
+from bowden.plants.predicted import branches_of, slots_along
 
 _NODES = 40
 """Of each of the two curves; a cable's loop has bends of some 4 % of its stroke, which these draw to a tenth."""
@@ -49,8 +56,6 @@ _FINEST, _WIDTHS = 2e-3, 10
 """The narrowest play offered, over the motor's range, and how many."""
 _WIDEST = {True: 0.3, False: 0.12}
 """The widest; a narrower one where the loop was not turned into at both ends: a wide play may then be a bend."""
-LAGS = 0.25 * np.array([-1.0, -0.3, -0.1, 0.0, 0.1, 0.3, 1.0])
-"""Where the motor may have come from, over its range."""
 _DEGREE = 8
 """Of the bent line round which the plays are found."""
 _STRENGTHS = 10.0 ** np.array([-5.5, -4.0, -2.5, -1.0, 2.0])
@@ -101,72 +106,56 @@ class BentStack(NamedTuple):
     """Weighted sum of squares that it leaves of the joint."""
 
 
-class GeneralisedPlay:
-    """Two curves of 40 nodes, and up to ten plays between them."""
+def fit_branches(path: Path, near: Estimate | None = None) -> Estimate:
+    """Two curves of 40 nodes, and up to ten plays between them.
 
-    name = "generalised_play"
-
-    def fit(self, path: Path) -> Estimate:
-        """See `Family.fit`."""
-        free = self._fit(path, _PLAYS_ROUNDS)
+    From `near` the plays stay, and so does where each is in contact. Where the path reaches beyond the nodes they are
+    laid again over all of it; λ and the contacts are found with them, and the plays once more.
+    """
+    if near is None:
+        free = _searched(path, _PLAYS_ROUNDS)
         return _straightened(path, free) or free
+    cable = branches_of(near.parameters)
+    if len(near.theta) == 1:
+        return _two_lines(path, float(near.theta[0]), cable)
+    lag, of_mean, of_gap = (float(value) for value in near.theta)
+    low, high = _range(path)
+    if low < cable.low or high > cable.high:
+        return _settled(path, lag, _laid(cable, min(low, cable.low), max(high, cable.high)), 1)
+    columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
+    cable, strengths = _solved(path, columns, cable, (of_mean, of_gap))
+    return _free(path, lag, cable, strengths)
 
-    def rough(self, path: Path) -> Estimate:
-        """The same with the plays as they are found first, for `bowden.identify.cable.settling`.
 
-        Where the motor came from is known to one of seven values: better plays would show that as a first stroke that
-        is unlike the others.
-        """
-        return self._fit(path, 0)
+def rough_branches(path: Path) -> Estimate:
+    """The same with the plays as they are found first, for `bowden.identify.cable.validation.settling`.
 
-    def _fit(self, path: Path, again: int) -> Estimate:
-        stack = bent_stack(path, LAGS * path.span)
-        straight = np.zeros(_NODES), np.full(_NODES, stack.gap)
-        cable = Branches(stack.slope, *straight, *_range(path), stack.reaches, stack.shares, 0.0, 0.0)
-        return _settled(path, stack.lag, cable, again)
+    Where the motor came from is known to one of seven values: better plays would show that as a first stroke that is
+    unlike the others.
+    """
+    return _searched(path, 0)
 
-    def refit(self, path: Path, near: Estimate) -> Estimate:
-        """See `Family.refit`; the plays stay, and so does where each is in contact.
 
-        Where the path reaches beyond the nodes they are laid again over all of it; λ and the contacts are found with
-        them, and the plays once more.
-        """
-        cable = branches_of(near.parameters)
-        if len(near.theta) == 1:
-            return _two_lines(path, float(near.theta[0]), cable)
-        lag, of_mean, of_gap = (float(value) for value in near.theta)
-        low, high = _range(path)
-        if low < cable.low or high > cable.high:
-            return _settled(path, lag, _laid(cable, min(low, cable.low), max(high, cable.high)), 1)
-        columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
-        cable, strengths = _solved(path, columns, cable, (of_mean, of_gap))
-        return _free(path, lag, cable, strengths)
+def _searched(path: Path, again: int) -> Estimate:
+    stack = bent_stack(path, LAGS * path.span)
+    straight = np.zeros(_NODES), np.full(_NODES, stack.gap)
+    cable = Branches(stack.slope, *straight, *_range(path), stack.reaches, stack.shares, 0.0, 0.0)
+    return _settled(path, stack.lag, cable, again)
 
 
 def bent_stack(path: Path, lags: Array) -> BentStack:
     """The plays of a stack round a bent line that fit best, the motor having come from one of the `lags` [rad]."""
-    from scipy.optimize import nnls  # half a second, which a simulation need not wait for
-
     low, high = _range(path)
     u = np.clip((2.0 * path.motor - low - high) / (high - low), -1.0, 1.0)
     bent = np.delete(np.polynomial.chebyshev.chebvander(u, _DEGREE), 1, axis=1)
     widths = path.span * np.geomspace(_FINEST, _WIDEST[path.strokes > 3], _WIDTHS)
     best: tuple[float, float, Array] | None = None
-    free = bent.shape[1]
     for lag in lags:
-        slots = plays(np.concatenate([[path.motor[0] + lag], path.motor]), widths)[1:]
+        slots = slots_along(path.motor, widths, lag)
         sums = products(np.column_stack([bent, path.motor, slots, path.joint]), path.weight)
-        inverse = np.linalg.pinv(sums[:free, :free], rcond=1e-12, hermitian=True)
-        rest = sums[free:, free:] - sums[free:, :free] @ inverse @ sums[:free, free:]
-        gram, moments = rest[:-1, :-1], rest[:-1, -1]
-        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        values, vectors = np.linalg.eigh(gram / np.outer(size, size))
-        root = np.sqrt(np.maximum(values, 1e-10 * values[-1]))
-        sign = 1.0 if sums[free, -1] * path.weight.sum() >= sums[0, free] * sums[0, -1] else -1.0
-        weights = nnls(root[:, None] * vectors.T, sign * (vectors.T @ (moments / size)) / root)[0] / size
-        cost = float(rest[-1, -1] - 2.0 * sign * weights @ moments + weights @ gram @ weights)
+        weights, cost = weights_of_one_sign(without(sums, bent.shape[1]), path.direction)
         if best is None or cost < best[0]:
-            best = cost, float(lag), sign * weights
+            best = cost, float(lag), weights
     assert best is not None
     left, lag, weights = best
     slope = float(weights.sum())

@@ -20,6 +20,7 @@ the same load at another bend stay in the fit. The model itself is fitted to all
 """
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -28,15 +29,14 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import DEGREES
-from bowden.identify.cable.bouc_wen import BoucWenCable
+from bowden.identify.cable.bouc_wen import fit_terms, search
 from bowden.identify.cable.cycles import ENOUGH
-from bowden.identify.cable.family import Progress
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import FittedLog, ModelFit, described
-from bowden.identify.cable.loop import loop_of
 from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.projection import inverse_of, nonnegative, products
+from bowden.identify.cable.projection import Progress, products, weights_of_one_sign, without
 from bowden.identify.cable.turns import find_turns
+from bowden.identify.cable.uncertainty import loop_of
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import Scheduled
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -81,22 +81,9 @@ class _Moved(NamedTuple):
 
     log: Log
     path: Path
-    weight: Array
-    """Of the nodes, 1 in all; zero on the first long stroke (n,)."""
-    first: NDArray[np.bool_]
-    """Nodes of the first half of what counts (n,)."""
-    lag: Array
-    """motor − zᵢ (n, k) [rad]."""
-    middle: Array
-    """(n, K), see `hats`."""
-    height: Array
-    """(n, K)."""
+    """Its weights are 1 in all, and zero on the first long stroke."""
     begin: int
     """Sample at the end of the first long stroke."""
-    slope: float
-    """Of the line through the log [rad/rad]."""
-    static: Array
-    """Columns of the static curve that it has of its own while the plays' shares are found (n, p)."""
 
 
 class _Frame(NamedTuple):
@@ -105,6 +92,10 @@ class _Frame(NamedTuple):
     first: float
     step: float
     half_widths: Array
+
+    def lags(self, path: Path) -> Array:
+        """motor − zᵢ (n, k) [rad]."""
+        return np.asarray(path.motor[:, None] - plays(path.motor, self.half_widths))
 
 
 def fit_logs(logs: Sequence[Log], by: Sequence[Scheduled], seed: int, tell: Progress) -> Fit:
@@ -123,7 +114,7 @@ def fit_logs(logs: Sequence[Log], by: Sequence[Scheduled], seed: int, tell: Prog
     tell("following the motors", 0.1)
     paths = [_path(log, _NODES) for log in logs]
     frame = _frame(paths)
-    moved = [_prepared(log, path, frame) for log, path in zip(logs, paths, strict=True)]
+    moved = [_prepared(log, path) for log, path in zip(logs, paths, strict=True)]
     _check_alike(moved)
     differing, warnings = _scheduling(by)
     values = np.array([one.values for one in differing]).T if differing else np.empty((len(logs), 0))
@@ -136,7 +127,7 @@ def fit_logs(logs: Sequence[Log], by: Sequence[Scheduled], seed: int, tell: Prog
     middle = [0.5 * float(low + high) for low, high in zip(cable.low, cable.high, strict=True)]
     tell("bouc_wen", 0.8)
     near = int(np.argmin(np.abs(values - middle).sum(axis=1))) if len(names) else 0
-    plain = BoucWenCable(_path(logs[near], _SEARCHED).first(30), seed).fit(paths[near]).parameters
+    plain = fit_terms(paths[near], search(_path(logs[near], _SEARCHED).first(30), seed), 1, 0).parameters
     best = CableModel(
         SCHEDULED,
         parameters_of(cable, names, middle),
@@ -168,7 +159,7 @@ def fit_logs(logs: Sequence[Log], by: Sequence[Scheduled], seed: int, tell: Prog
 def _over_logs(errors: Sequence[float]) -> float:
     """Root mean square over the logs for which there is one."""
     known = np.array([error for error in errors if np.isfinite(error)])
-    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+    return float(np.sqrt(np.mean(known**2))) if len(known) else math.nan
 
 
 def _path(log: Log, nodes: int) -> Path:
@@ -184,7 +175,7 @@ def _frame(paths: Sequence[Path]) -> _Frame:
     return _Frame(low, (high - low) / (_KNOTS - 1), _GRID * (high - low))
 
 
-def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
+def _prepared(log: Log, path: Path) -> _Moved:
     lengths = np.abs(np.diff(path.turning))
     begun = int(np.argmax(lengths >= 0.5 * path.span)) + 1
     weight = np.where(path.stroke < begun, 0.0, path.weight) if begun < path.strokes else path.weight
@@ -195,27 +186,18 @@ def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
             expected="a log in which it goes back and forth",
             do=f"record {ENOUGH} whole cycles, or leave this log out",
         )
-    weight = weight / whole
-    first = np.cumsum(weight) <= 0.5
-    lag = path.motor[:, None] - plays(path.motor, frame.half_widths)
-    middle, height = (hats(path.motor, frame.first, frame.step, _KNOTS, outward) for outward in (1.0, 0.0))
-    counted = path.weight > 0.0
-    motor, joint = path.motor[counted], path.joint[counted]
-    slope = float(np.polyfit(motor, joint, 1, w=np.sqrt(path.weight[counted]))[0])
     begin = int(np.searchsorted(log.time, path.time[np.flatnonzero(weight)[0]]))
-    last = frame.first + frame.step * (_KNOTS - 1)
-    place = np.clip((2.0 * path.motor - frame.first - last) / (last - frame.first), -1.0, 1.0)
-    static = np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE).astype(np.float64)
-    return _Moved(log, path, weight, first, lag, middle, height, begin, slope, static)
+    return _Moved(log, path.with_weight(weight / whole), begin)
 
 
 def _check_alike(moved: Sequence[_Moved]) -> None:
     """Refuse logs whose joints move in opposite directions: they are of two cables, or of two ways of counting."""
-    for one in moved:
-        if one.slope * moved[0].slope <= 0.0:
+    slopes = [np.polyfit(one.path.motor, one.path.joint, 1, w=np.sqrt(one.path.weight))[0] for one in moved]
+    for one, slope in zip(moved, slopes, strict=True):
+        if slope * slopes[0] <= 0.0:
             raise LogError(
-                f"{one.log.name}: the joint moves {one.slope:+.3g} times as far as the motor, in {moved[0].log.name} "
-                f"{moved[0].slope:+.3g} times",
+                f"{one.log.name}: the joint moves {slope:+.3g} times as far as the motor, in {moved[0].log.name} "
+                f"{slopes[0]:+.3g} times",
                 expected="one sign in all logs of a cable",
                 do="check the columns, or turn the sign of one",
             )
@@ -280,18 +262,19 @@ def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledC
     count = 2 * rows * _KNOTS
     gram, moments = np.zeros((count, count)), np.zeros(count)
     for one, at in zip(moved, values, strict=True):
-        basis = np.column_stack([one.middle, one.height * (one.lag @ shares)[:, None], one.path.joint])
-        sums = products(basis, one.weight)
+        path = one.path
+        middle, height = (hats(path.motor, frame.first, frame.step, _KNOTS, outward) for outward in (1.0, 0.0))
+        basis = np.column_stack([middle, height * (frame.lags(path) @ shares)[:, None], path.joint])
+        sums = products(basis, path.weight)
         factors = powers(at.tolist(), cable)
         turned = np.kron(np.outer(factors, factors), sums[:-1, :-1].reshape(2 * _KNOTS, 2 * _KNOTS))
         gram += turned
         moments += np.kron(factors, sums[:-1, -1])
     roughness = _roughness(rows) * len(moved)
-    sign = np.sign(moved[0].slope)
     for stiffer in 10.0 ** np.arange(7):  # at most to where f is a straight line and g a constant
         found = np.linalg.solve(gram + stiffer * roughness, moments).reshape(rows, 2, _KNOTS)
         cable = cable._replace(middle=found[:, 0].copy(), height=found[:, 1].copy())
-        if _runs_one_way(cable, sign):
+        if _runs_one_way(cable, moved[0].path.direction):
             break
     return cable
 
@@ -299,11 +282,13 @@ def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledC
 def _shares(moved: Sequence[_Moved], frame: _Frame) -> Array:
     """ηᵢ (k,) [1/rad], by non-negative least squares; each log has a static curve of its own beside the plays."""
     whole = np.zeros((len(frame.half_widths) + 1,) * 2)
-    for one in moved:
-        lags, own = -np.sign(one.slope) * one.lag, one.static.shape[1]
-        sums = products(np.column_stack([one.static, lags, one.path.joint]), one.weight)
-        whole += sums[own:, own:] - sums[own:, :own] @ inverse_of(sums[:own, :own]) @ sums[:own, own:]
-    found = nonnegative(whole[:-1, :-1], whole[:-1, -1])
+    last = frame.first + frame.step * (_KNOTS - 1)
+    for path in (one.path for one in moved):
+        place = np.clip((2.0 * path.motor - frame.first - last) / (last - frame.first), -1.0, 1.0)
+        static = np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE).astype(np.float64)
+        columns = np.column_stack([static, -path.direction * frame.lags(path), path.joint])
+        whole += without(products(columns, path.weight), static.shape[1])
+    found, _ = weights_of_one_sign(whole, 1.0)
     if not found.any():  # a cable without a loop: any memory will do, and g says that there is none
         found[0] = 1.0
     return np.asarray(found / (found @ frame.half_widths))
@@ -342,20 +327,29 @@ def _error(one: _Moved, cable: ScheduledCable, values: Array) -> Array:
 def _judged(
     moved: Sequence[_Moved], values: Array, names: Sequence[str], frame: _Frame, cable: ScheduledCable
 ) -> list[FittedLog]:
-    halves = _fitted([one._replace(weight=np.where(one.first, one.weight, 0.0)) for one in moved], values, frame)
+    first = [np.where(np.cumsum(one.path.weight) <= 0.5, one.path.weight, 0.0) for one in moved]
+    part = [one._replace(path=one.path.with_weight(weight)) for one, weight in zip(moved, first, strict=True)]
+    halves = _fitted(part, values, frame)
     level = np.array([_levels(column) for column in values.T]).T.reshape(values.shape)
-    unseen: dict[tuple[int, ...], ScheduledCable | None] = {}
-    found = []
+    fits: dict[bytes, ScheduledCable] = {}
+
+    def left_out(i: int, kept: NDArray[np.bool_]) -> tuple[float, float]:
+        """Errors on a log of a cable of some; NaN where these do not differ in every variable any more."""
+        if not kept.any() or any(_levels(column).max() < 1 for column in values[kept].T):
+            return math.nan, math.nan
+        if (key := kept.tobytes()) not in fits:
+            fits[key] = _fitted([one for one, keep in zip(moved, kept, strict=True) if keep], values[kept], frame)
+        error = _error(moved[i], fits[key], values[i])
+        half = len(error) // 2
+        return rmse(error), rmse(error[half:] - error[:half].mean())
+
+    found, nothing = [], np.zeros(len(moved), bool)
     for i, (one, at) in enumerate(zip(moved, values, strict=True)):
         alike = (level == level[i]).all(axis=1)
-        own = tuple(level[i].tolist())
-        if own not in unseen:
-            unseen[own] = _without(moved, values, ~alike, frame) if names else None
-        others = np.arange(len(moved)) != i
-        same = _without(moved, values, others, frame) if alike.sum() > 1 else None
+        same = left_out(i, np.arange(len(moved)) != i if alike.sum() > 1 else nothing)
+        unseen = left_out(i, ~alike if names else nothing)
         log, middle = one.log, (one.begin + len(one.log.time)) // 2
         line = np.polyfit(log.motor[:middle], log.joint[:middle], 1)
-        errors = (*_left_out(one, same, at), *_left_out(one, unseen[own], at))
         found.append(
             described(
                 log,
@@ -367,7 +361,10 @@ def _judged(
                 loop=loop_of(one.path, joint_angle(one.path.motor, cable, at.tolist())),
                 fitted_from=one.begin,
                 values=tuple(at.tolist()),
-                **dict(zip(("same_rms", "same_offset_rms", "unseen_rms", "unseen_offset_rms"), errors, strict=True)),
+                same_rms=same[0],
+                same_offset_rms=same[1],
+                unseen_rms=unseen[0],
+                unseen_offset_rms=unseen[1],
             )
         )
     return found
@@ -387,19 +384,3 @@ def _beside(moved: Sequence[_Moved], values: Array, cable: ScheduledCable) -> li
         f"{', '.join(found[:4])}{', …' if len(found) > 4 else ''} beside the model of all logs: their encoders were "
         "zeroed again, or the cable changed; record all with one zero, since it is the offset that a load changes most"
     ]
-
-
-def _without(moved: Sequence[_Moved], values: Array, kept: NDArray[np.bool_], frame: _Frame) -> ScheduledCable | None:
-    """A cable fitted to some of the logs; None where they do not differ in every variable any more."""
-    rest = values[kept]
-    if any(_levels(column).max() < 1 for column in rest.T):
-        return None
-    return _fitted([one for one, keep in zip(moved, kept, strict=True) if keep], rest, frame)
-
-
-def _left_out(one: _Moved, cable: ScheduledCable | None, values: Array) -> tuple[float, float]:
-    if cable is None:
-        return float("nan"), float("nan")
-    error = _error(one, cable, values)
-    half = len(error) // 2
-    return rmse(error), rmse(error[half:] - error[:half].mean())

@@ -52,6 +52,12 @@ class Path:
         """Range of the motor [rad]."""
         return float(np.ptp(self.turning))
 
+    @property
+    def direction(self) -> float:
+        """1 where the joint goes the motor's way, −1 where it goes the other."""
+        away = self.motor - np.average(self.motor, weights=self.weight)
+        return 1.0 if self.weight * away @ self.joint >= 0.0 else -1.0
+
     def first(self, strokes: int) -> "Path":
         """Its first strokes only."""
         kept = self.stroke < strokes

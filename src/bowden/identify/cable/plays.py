@@ -1,4 +1,4 @@
-"""Plays fitted to a path: one, and a stack of them.
+"""Plays fitted to a path: none, which is a line, one, and a stack of them.
 
 The play operator (Eqs 4–5), joint = slope·z + offset, has its half-width and its initial state searched. A jump of the
 contact makes the error uneven in the half-width, so a scan of the whole range comes before the search.
@@ -14,14 +14,23 @@ leaves only the few plays that the data need.
 import numpy as np
 
 from bowden.core.kernel import compiled, kernel
-from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
-from bowden.identify.cable.projection import minimise, nonnegative, products, solve_linear
+from bowden.identify.cable.projection import (
+    Array,
+    Estimate,
+    minimise,
+    products,
+    solve_linear,
+    weights_of_one_sign,
+    without,
+)
 from bowden.models.cable.backlash import push
 from bowden.plants.predicted import slots_along
 
 _GRID = np.geomspace(2e-3, 0.45, 18)
 """Half-widths of a stack that are offered, over the motor's range [–]."""
+LAGS = 0.25 * np.array([-1.0, -0.3, -0.1, 0.0, 0.1, 0.3, 1.0])
+"""Where the motor may have come from, over its range."""
 
 
 def play_sensitivities(motor: Array, half_width: float, initial_lag: float) -> Array:
@@ -45,97 +54,82 @@ def _fill_play_sensitivities(motor: Array, half_width: float, initial_lag: float
         found[k, 0], found[k, 1], found[k, 2] = z, by_width, by_lag
 
 
-class PlayOperator:
-    """Four parameters: two searched, two linear."""
+def fit_line(path: Path, near: Estimate | None = None) -> Estimate:
+    """The straight line, a cable without any loss of motion: joint = slope·motor + offset."""
+    basis = np.stack([path.motor, np.ones_like(path.motor)], axis=1)
+    linear, _ = solve_linear(basis, path.joint, path.weight)
+    return Estimate(
+        parameters={"slope": float(linear[0]), "offset": float(linear[1])},
+        slopes={"slope": basis[:, 0], "offset": basis[:, 1]},
+        fitted=basis @ linear,
+        theta=np.empty(0),
+    )
 
-    name = "play"
 
-    def __init__(self, thin: Path | None = None) -> None:
-        """`thin` is the path, thinned, on which the range of half-widths is scanned; all of it where none is given."""
-        self._thin = thin
+def fit_play(path: Path, near: Estimate | None = None, thin: Path | None = None) -> Estimate:
+    """The play operator: four parameters, two searched, two linear.
 
-    def fit(self, path: Path) -> Estimate:
-        """See `Family.fit`."""
-        thin = self._thin or path
+    Args:
+        path: of the log.
+        near: where the search begins; where it is not given, at the best of a scan of the range of half-widths.
+        thin: the path, thinned, for that scan; all of it where none is given.
+    """
+    start = np.empty(0) if near is None else near.theta
+    if near is None:
+        thin, costs = thin or path, []
         widths = 0.5 * path.span * np.geomspace(1e-3, 0.95, 40)
         starts = [np.array([width, side]) for width in widths for side in (-1.0, 0.0, 1.0)]
-        costs = []
-        for start in starts:
-            basis = self._basis(thin, start)[0]
+        for one in starts:
+            basis = _slot(thin, one)[0]
             linear, _ = solve_linear(basis, thin.joint, thin.weight)
             costs.append(float(thin.weight @ (basis @ linear - thin.joint) ** 2))
-        return self._search(path, starts[int(np.argmin(costs))])
-
-    def refit(self, path: Path, near: Estimate) -> Estimate:
-        """See `Family.refit`."""
-        return self._search(path, near.theta)
-
-    def _search(self, path: Path, start: Array) -> Estimate:
-        low, high = np.array([0.0, -1.0]), np.array([0.5 * path.span, 1.0])
-        theta, linear = minimise(lambda at: self._basis(path, at), path.joint, path.weight, start, low, high)
-        width, side = theta
-        basis = self._basis(path, theta)[0]
-        z = play_sensitivities(path.motor, width, side * width)
-        offset, slope = linear
-        return Estimate(
-            parameters={
-                "slope": float(slope),
-                "half_width": float(width),
-                "offset": float(offset),
-                "initial_lag": float(side * width),
-            },
-            slopes={
-                "slope": z[:, 0],
-                "half_width": slope * z[:, 1],
-                "offset": np.ones_like(path.motor),
-                "initial_lag": slope * z[:, 2],
-            },
-            fitted=basis @ linear,
-            theta=theta,
-            variance={"initial_lag": path.start_error**2},
-        )
-
-    def _basis(self, path: Path, theta: Array) -> tuple[Array, Array]:
-        """Φ = [1, z] for θ = (half-width, initial lag over half-width)."""
-        width, side = float(theta[0]), float(theta[1])
-        z = play_sensitivities(path.motor, width, side * width)
-        slopes = np.stack([z[:, 1] + side * z[:, 2], width * z[:, 2]])[:, :, None]
-        return np.stack([np.ones_like(path.motor), z[:, 0]], axis=1), slopes
+        start = starts[int(np.argmin(costs))]
+    low, high = np.array([0.0, -1.0]), np.array([0.5 * path.span, 1.0])
+    theta, linear = minimise(lambda at: _slot(path, at), path.joint, path.weight, start, low, high)
+    width, side = theta
+    z = play_sensitivities(path.motor, width, side * width)
+    offset, slope = linear
+    values = {"slope": slope, "half_width": width, "offset": offset, "initial_lag": side * width}
+    moved = (z[:, 0], slope * z[:, 1], np.ones_like(path.motor), slope * z[:, 2])
+    return Estimate(
+        parameters={name: float(value) for name, value in values.items()},
+        slopes=dict(zip(values, moved, strict=True)),
+        fitted=_slot(path, theta)[0] @ linear,
+        theta=theta,
+        variance={"initial_lag": path.start_error**2},
+    )
 
 
-class PrandtlIshlinskii:
-    """A stack of play operators."""
+def _slot(path: Path, theta: Array) -> tuple[Array, Array]:
+    """Φ = [1, z] for θ = (half-width, initial lag over half-width)."""
+    width, side = float(theta[0]), float(theta[1])
+    z = play_sensitivities(path.motor, width, side * width)
+    slopes = np.stack([z[:, 1] + side * z[:, 2], width * z[:, 2]])[:, :, None]
+    return np.stack([np.ones_like(path.motor), z[:, 0]], axis=1), slopes
 
-    name = "prandtl_ishlinskii"
 
-    def fit(self, path: Path) -> Estimate:
-        """See `Family.fit`."""
-        lags = 0.25 * path.span * np.array([-1.0, -0.3, -0.1, 0.0, 0.1, 0.3, 1.0])
-        found = [self._solve(path, _GRID * path.span, lag) for lag in lags]
-        costs = [float(path.weight @ (one.fitted - path.joint) ** 2) for one in found]
-        return found[int(np.argmin(costs))]
+def fit_stack(path: Path, near: Estimate | None = None) -> Estimate:
+    """The Prandtl–Ishlinskii stack; where the motor came from is tried, or known from `near`."""
+    if near is not None:
+        return _stack(path, float(near.theta[0]))
+    found = [_stack(path, lag) for lag in LAGS * path.span]
+    return found[int(np.argmin([float(path.weight @ (one.fitted - path.joint) ** 2) for one in found]))]
 
-    def refit(self, path: Path, near: Estimate) -> Estimate:
-        """See `Family.refit`."""
-        return self._solve(path, _GRID * path.span, float(near.theta[0]))
 
-    def _solve(self, path: Path, widths: Array, lag: float) -> Estimate:
-        slots = slots_along(path.motor, widths, lag)
-        basis = np.column_stack([path.motor, slots])
-        share = path.weight / path.weight.sum()
-        centred = basis - share @ basis
-        joint = path.joint - share @ path.joint
-        sums = products(np.column_stack([centred, joint]), path.weight)
-        gram, moments = sums[:-1, :-1], sums[:-1, -1]
-        weights = nonnegative(gram, np.copysign(1.0, moments[0]) * moments) * np.sqrt(np.diag(gram))
-        active = np.flatnonzero(weights[1:] > 1e-6 * weights.max())
-        kept = np.column_stack([path.motor, slots[:, active], np.ones_like(path.motor)])
-        linear, _ = solve_linear(kept, path.joint, path.weight)
-        parameters, slopes = {"slope": float(linear[0])}, {"slope": path.motor}
-        for i, k in enumerate(active, start=1):
-            parameters[f"half_width_{i}"] = float(widths[k])
-            parameters[f"weight_{i}"] = float(linear[i])
-            slopes[f"weight_{i}"] = slots[:, k]
-        parameters |= {"offset": float(linear[-1]), "initial_lag": lag}
-        slopes["offset"] = kept[:, -1]
-        return Estimate(parameters, slopes, kept @ linear, np.array([lag]))
+def _stack(path: Path, lag: float) -> Estimate:
+    widths = _GRID * path.span
+    slots = slots_along(path.motor, widths, lag)
+    columns = [np.ones_like(path.motor), path.motor, slots, path.joint]
+    sums = without(products(np.column_stack(columns), path.weight), 1)
+    moved = np.abs(weights_of_one_sign(sums, path.direction)[0]) * np.sqrt(np.diag(sums)[:-1])
+    active = np.flatnonzero(moved[1:] > 1e-6 * moved.max())
+    kept = np.column_stack([path.motor, slots[:, active], np.ones_like(path.motor)])
+    linear, _ = solve_linear(kept, path.joint, path.weight)
+    parameters, slopes = {"slope": float(linear[0])}, {"slope": path.motor}
+    for i, k in enumerate(active, start=1):
+        parameters[f"half_width_{i}"] = float(widths[k])
+        parameters[f"weight_{i}"] = float(linear[i])
+        slopes[f"weight_{i}"] = slots[:, k]
+    parameters |= {"offset": float(linear[-1]), "initial_lag": lag}
+    slopes["offset"] = kept[:, -1]
+    return Estimate(parameters, slopes, kept @ linear, np.array([lag]))

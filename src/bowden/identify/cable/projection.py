@@ -1,4 +1,4 @@
-"""Variable projection: what is linear in a model is solved exactly inside, only the rest is searched.
+"""What every family of models is fitted with: what is linear is solved exactly inside, only the rest is searched.
 
 For a model joint = Φ(θ)·c the best coefficients for given θ are c(θ) = (ΦᵀWΦ)⁻¹ΦᵀW·joint. The search over θ minimises
 the residual r(θ) = Φ(θ)·c(θ) − joint, whose exact derivative needs that of c too:
@@ -8,10 +8,11 @@ the residual r(θ) = Φ(θ)·c(θ) − joint, whose exact derivative needs that 
 Least squares needs of r and J = ∂r/∂θ only the products JᵀWJ, JᵀWr and rᵀWr. They follow from a few weighted sums over
 the nodes, so that nothing as long as the log is handed to the search.
 
-Source: Golub and Pereyra, SIAM Journal on Numerical Analysis 10(2), 1973.
+Source, of variable projection: Golub and Pereyra, SIAM Journal on Numerical Analysis 10(2), 1973.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -22,6 +23,27 @@ from bowden.core.kernel import compiled, kernel
 Array = NDArray[np.float64]
 Basis = Callable[[Array], tuple[Array, Array]]
 """θ (k,) → Φ (n, p), and ∂/∂θ of its last m columns (k, n, m); the others do not depend on θ."""
+Progress = Callable[[str, float], None]
+"""What is being done now, and the share of the work that is behind."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A family fitted to a path."""
+
+    parameters: dict[str, float]
+    """Every parameter by name, in the order in which it is reported; SI and radians."""
+    slopes: dict[str, Array]
+    """∂joint/∂parameter at each node (n,), for the parameters that were fitted; the others are settings.
+    Where there is a `prior`, ∂joint/∂coordinate by the coordinate's name."""
+    fitted: Array
+    """Joint angle of the model at each node (n,) [rad]."""
+    theta: Array
+    """Where the search ended, in the family's own coordinates (k,)."""
+    variance: dict[str, float] = field(default_factory=dict)
+    """What a parameter's variance gets from the path itself being known with noise only, by name."""
+    prior: Array | None = None
+    """What the fitted coordinates cost, beside the squared error, as a quadratic form (k, k); none of most families."""
 
 
 @kernel
@@ -55,16 +77,29 @@ def inverse_of(gram: Array) -> Array:
     return np.asarray(half @ half.T)
 
 
-def nonnegative(gram: Array, moments: Array) -> Array:
-    """c ≥ 0 (p,) that solves weighted least squares of ΦᵀWΦ (p, p) and ΦᵀW·joint (p,).
+def without(sums: Array, free: int) -> Array:
+    """`products` (p, p) of what is left of the later columns once the first `free` ones are fitted to each."""
+    inverse = np.linalg.pinv(sums[:free, :free], rcond=1e-12, hermitian=True)
+    return np.asarray(sums[free:, free:] - sums[free:, :free] @ inverse @ sums[:free, free:])
+
+
+def weights_of_one_sign(sums: Array, sign: float) -> tuple[Array, float]:
+    """Coefficients (p,), none against `sign`, of weighted least squares, and the sum of squares that they leave.
+
+    Args:
+        sums: `products` of the p columns and, as the last one, of the joint.
+        sign: 1 or −1.
 
     Source: Lawson and Hanson, *Solving Least Squares Problems*, 1974.
     """
     from scipy.optimize import nnls  # half a second, which a simulation need not wait for
 
+    gram, moments = sums[:-1, :-1], sums[:-1, -1]
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))  # a column that never moves has none
-    lower = np.linalg.cholesky(gram / np.outer(size, size) + 1e-11 * np.eye(len(size)))
-    return np.asarray(nnls(lower.T, np.linalg.solve(lower, moments / size))[0] / size)
+    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
+    root = np.sqrt(np.maximum(values, 1e-10 * values[-1]))
+    weights = sign * nnls(root[:, None] * vectors.T, sign * (vectors.T @ (moments / size)) / root)[0] / size
+    return weights, float(sums[-1, -1] - 2.0 * weights @ moments + weights @ gram @ weights)
 
 
 def solve_linear(basis: Array, joint: Array, weight: Array) -> tuple[Array, Array]:

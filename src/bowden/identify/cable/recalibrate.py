@@ -21,8 +21,7 @@ Source: Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, Chapter 
 """
 
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -43,7 +42,7 @@ from bowden.plants.cable_parameters import outside
 from bowden.plants.counting import Covered
 from bowden.plants.identified import CableModel, IdentifiedCable
 from bowden.plants.predicted import DISTRIBUTED, SCHEDULED
-from bowden.plants.recounted import fitted_range
+from bowden.plants.recounted import fitted_range, recalibrated
 from bowden.records.metrics import rmse
 
 Array = NDArray[np.float64]
@@ -67,12 +66,6 @@ _BEYOND = 0.05
 """How far the motor may leave the identified stroke on each side, over that stroke [–]: a knot's distance of the
 scheduled model, whose knots leave out the outermost samples."""
 _BEGUN = ("initial_h", "initial_lag")
-_SCALED = re.compile(
-    r"slope|offset|(weight|bend|gap)_\d+|hysteresis_gain(_\d+)?|static_\d+|(middle|height)_\d+(_(load|bend)_\d)?"
-)
-"""Parameters in which a model's joint is linear."""
-_SHIFTED = re.compile(r"offset|middle_\d+")
-"""Parameters to which an offset is added."""
 
 
 def fit_gain(log: Log, cable: IdentifiedCable, by: Sequence[Scheduled] = ()) -> Fit:
@@ -110,35 +103,35 @@ def fit_gain(log: Log, cable: IdentifiedCable, by: Sequence[Scheduled] = ()) -> 
         )
     predicted = path.at(log.time, gain * drawn + offset)
     before, left, judged = path.at(log.time, drawn) - log.joint, predicted - log.joint, cable.judged
-    changed = _has_changed(_block_means(log, path, left**2), judged, log.resolutions[1])
-    after, ratio = rmse(left), max(gain, 1.0 / gain)
-    beyond = _outside_stroke(log, given)
-    if beyond > 0.0:
-        changed = None
-        warnings.append(
-            f"the motor goes {beyond * DEGREES:.3g}° outside the identified stroke, where the model was fitted to "
-            "nothing: gain and offset are those of both together; record a motion within it, or identify this log"
-        )
-    elif sure and ratio * (1.0 - 2.0 * error / gain) > _GAIN:
-        changed = True
-        warnings.append(
-            f"the gain is {gain:.3g}, further from 1 than a bend or stretch of the cable explains "
-            f"({1.0 / _GAIN:.2g} to {_GAIN:g}): check the units and the gear, or identify the "
-            "cable again (bowden identify NEW.csv)"
-        )
-    elif changed:
-        warnings.append(
-            f"with gain and offset fitted again {after * DEGREES:.2g}° are left, the model was judged to leave "
-            f"{judged * DEGREES:.2g}°: identify the cable again (bowden identify NEW.csv)"
-        )
-    if not sure:
-        warnings.append("the motion is too short or too small for a gain: only the offset was fitted again")
+    after, beyond = rmse(left), _outside_stroke(log, given)
+    far = sure and max(gain, 1.0 / gain) * (1.0 - 2.0 * error / gain) > _GAIN
+    changed = None if beyond else far or _has_changed(_block_means(log, path, left**2), judged, log.resolutions[1])
     values = tuple(one.values[0] for one in by)
     fitted = described(log, path, len(log.time) // 2, predicted, train_rms=after, values=values)
-    if fitted.cycles.more:
-        warnings.append(
-            f"to identify the cable from this log, {fitted.cycles.to_record}: it has {fitted.cycles.counted}"
-        )
+    says = (
+        (
+            beyond > 0.0,
+            f"the motor goes {beyond * DEGREES:.3g}° outside the identified stroke, where the model was fitted to "
+            "nothing: gain and offset are those of both together; record a motion within it, or identify this log",
+        ),
+        (
+            changed and far,
+            f"the gain is {gain:.3g}, further from 1 than a bend or stretch of the cable explains "
+            f"({1.0 / _GAIN:.2g} to {_GAIN:g}): check the units and the gear, or identify the "
+            "cable again (bowden identify NEW.csv)",
+        ),
+        (
+            changed and not far,
+            f"with gain and offset fitted again {after * DEGREES:.2g}° are left, the model was judged to leave "
+            f"{judged * DEGREES:.2g}°: identify the cable again (bowden identify NEW.csv)",
+        ),
+        (not sure, "the motion is too short or too small for a gain: only the offset was fitted again"),
+        (
+            fitted.cycles.more > 0,
+            f"to identify the cable from this log, {fitted.cycles.to_record}: it has {fitted.cycles.counted}",
+        ),
+    )
+    warnings += [words for holds, words in says if holds]
     models = {
         name: CableModel(name, recalibrated(parameters, gain, offset))
         for name, parameters in given.models.items()
@@ -169,12 +162,6 @@ def _has_changed(squares: Array, judged: float, count: float) -> bool | None:
     scatter = float(np.std(squares, ddof=1)) / math.sqrt(len(squares))
     most = max((_WORSE * judged) ** 2 + count**2 / 12.0, _LEAST**2)
     return bool(squares.mean() - 2.0 * scatter > most)
-
-
-def recalibrated(parameters: Mapping[str, float], gain: float, offset: float) -> dict[str, float]:
-    """The parameters of a model whose joint is gain·joint + offset of the old one's."""
-    found = {name: gain * value if _SCALED.fullmatch(name) else value for name, value in parameters.items()}
-    return {name: value + offset if _SHIFTED.fullmatch(name) else value for name, value in found.items()}
 
 
 def _outside_stroke(log: Log, cable: IdentifiedCable) -> float:

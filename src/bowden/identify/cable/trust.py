@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from typing import Literal
 
 import numpy as np
 
@@ -11,9 +10,10 @@ from bowden.identify.cable.cycles import ENOUGH, FOR_YES
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.fitted import FittedLog, ModelFit
 from bowden.identify.cable.path import Path
+from bowden.identify.cable.projection import Array
 from bowden.identify.cable.turns import motor_noise, peak_speed, resolution
 from bowden.identify.log.read import Log
-from bowden.plants.trust import QUARTER, Trust, least
+from bowden.plants.trust import QUARTER, Level, Trust, least
 
 _LAG = 0.3
 """Share of the squared residual that a lag explains, from which on it is taken for one [–]."""
@@ -32,6 +32,13 @@ _DRIFTS = 0.1
 """Share of a loop's height by which the joint may leave its place over a log: cables that are steady do so by 0.06."""
 _COUNTS = 3.0
 """Errors below this many times the encoders' counts are their noise, and so is a loop below as many errors."""
+
+INNER_UNSEEN = (
+    "all strokes have one amplitude ({:.3g}° peak to peak of the motor): play and slope of smaller loops inside that "
+    "one are not seen; record strokes of a half and a quarter of it as well"
+)
+"""Of a log whose `one_amplitude` is true, with its motor's span [deg]."""
+_CARE: Level = "with care"
 
 
 def trust(fit: Fit, known: Trust | None = None) -> Trust:
@@ -63,46 +70,37 @@ def trust(fit: Fit, known: Trust | None = None) -> Trust:
 
 def _doubts(fit: Fit, one: FittedLog) -> list[Trust]:
     """What one of the logs, and how the model predicts it, gives reason to doubt."""
-    log, loop, seen, unseen, counts = one.log, one.loop, one.train_rms, one.test_rms, _rounding(fit, one)
-    alone, found = len(fit.logs) == 1, list(log.doubts)
-
-    def doubt(level: Literal["with care", "no"], why: str) -> None:
-        found.append(Trust(level, (why,)))
-
-    drifts = loop is not None and abs(one.drift) * (log.time[-1] - log.time[0]) > _DRIFTS * abs(loop.height)
+    log, seen, unseen, counts = one.log, one.train_rms, one.test_rms, _rounding(fit, one)
+    alone, turns, line = len(fit.logs) == 1, one.reversals > 0, fit.best.name == "line"
+    height = math.inf if one.loop is None else one.loop.height
+    drifts = abs(one.drift) * (log.time[-1] - log.time[0]) > _DRIFTS * abs(height)
     correlation = following(log, one.split)
-    if correlation < FOLLOWS:
-        doubt("no", f"the joint does not follow the motor (correlation {correlation:.2f})")
-    if not one.reversals:
-        doubt("no", "the motor never reverses, so that no loop shows")
-    elif fit.best.name == "line":
-        doubt("with care", "no loop is shown by this log, a straight line is all")
-    elif unseen > max(_HALF * one.line_rms, _COUNTS * counts, SLIGHT):
-        doubt("no", "the model predicts hardly better than a straight line")
-    elif not drifts and unseen > max(QUARTER * one.line_rms, _COUNTS * counts, SLIGHT):
-        doubt("with care", "the model leaves a quarter or more of what a straight line does")
-    elif not drifts and loop is not None and loop.height < max(_COUNTS * unseen, SLIGHT):
-        why = f"no loop shows beside what the model leaves ({_degrees(loop.height)} high)"
-        doubt("with care", f"{why}: is the joint computed from the motor, or its target?")
     apart = peak_speed(log.time, log.joint) * float(np.median(np.diff(log.time)))
-    if loop is not None and loop.height < 2.0 * apart:
-        why = f"the joint moves {_degrees(apart)} from row to row: if it is one row late, that alone makes such a loop"
-        doubt("with care", f"{why} ({_degrees(loop.height)} high); record more rows a second, or move slower")
-    if one.reversals and (fit.chosen_on_whole or one.cycles.whole < FOR_YES):
-        few = "too few to judge a model on cycles that it has not seen"
-        doubt(
-            "with care" if one.cycles.whole else "no",
-            f"{one.cycles.counted} (up and down through the middle half of the motor's range), {few}",
-        )
-    if drifts:
-        doubt("with care", f"the joint's sensor drifts by {one.drift * DEGREES * 60.0:.2g}°/min")
-    elif alone and not fit.chosen_on_whole and unseen > WORSE * seen and unseen > SLIGHT and fit.best.name != "line":
-        doubt("with care", "the cable changed during the log")
-    if lags(one.lag):
-        doubt("with care", f"the joint is {1e3 * one.lag[0]:.2g} ms late, which makes its loop look wider")
-    return (
-        found if alone else [Trust(each.level, tuple(f"{one.name}: {why}" for why in each.reasons)) for each in found]
+    poor, fair = (unseen > max(share * one.line_rms, _COUNTS * counts, SLIGHT) for share in (_HALF, QUARTER))
+    flat = not fair and height < max(_COUNTS * unseen, SLIGHT)
+    steady = turns and not line and not drifts
+    few = turns and (fit.chosen_on_whole or one.cycles.whole < FOR_YES)
+    changed = alone and not fit.chosen_on_whole and not line and unseen > max(WORSE * seen, SLIGHT)
+    left = "the model leaves a quarter or more of what a straight line does"
+    no_loop = f"no loop shows beside what the model leaves ({_degrees(height)} high)"
+    late = f"the joint moves {_degrees(apart)} from row to row: if it is one row late, that alone makes such a loop"
+    cycles = f"{one.cycles.counted} (up and down through the middle half of the motor's range), too few to judge"
+    table: tuple[tuple[bool, Level, str], ...] = (
+        (correlation < FOLLOWS, "no", f"the joint does not follow the motor (correlation {correlation:.2f})"),
+        (not turns, "no", "the motor never reverses, so that no loop shows"),
+        (turns and line, _CARE, "no loop is shown by this log, a straight line is all"),
+        (turns and not line and poor, "no", "the model predicts hardly better than a straight line"),
+        (steady and fair and not poor, _CARE, left),
+        (steady and flat, _CARE, f"{no_loop}: is the joint computed from the motor, or its target?"),
+        (height < 2.0 * apart, _CARE, f"{late} ({_degrees(height)} high); record more rows a second, or move slower"),
+        (few, _CARE if one.cycles.whole else "no", f"{cycles} a model on cycles that it has not seen"),
+        (drifts, _CARE, f"the joint's sensor drifts by {one.drift * DEGREES * 60.0:.2g}°/min"),
+        (changed and not drifts, _CARE, "the cable changed during the log"),
+        (lags(one.lag), _CARE, f"the joint is {1e3 * one.lag[0]:.2g} ms late, which makes its loop look wider"),
     )
+    found = [*log.doubts, *(Trust(level, (why,)) for holds, level, why in table if holds)]
+    name = "" if alone else f"{one.name}: "
+    return [Trust(level, tuple(name + why for why in reasons)) for level, reasons in found]
 
 
 def _rounding(fit: Fit, one: FittedLog) -> float:
@@ -138,51 +136,74 @@ def advise(
             "do not rely on these results: check the columns, the units, and whether both were recorded on one clock; "
             "or the motion is too small for the cable's play, and a larger one is needed"
         ]
-    found = _about_motion(path, one.cycles.whole)
-    if rest_until is not None:
-        found.append(
-            f"the first {seconds_text(rest_until - log.time[0])} count less: the log begins at rest or at a turn, and "
-            "a cable that rested comes to its loop on the motor's first way through the range"
-        )
-    elif one.fitted_from:
-        found.append(
-            f"the first {seconds_text(log.time[one.fitted_from] - log.time[0])} were not fitted: the strokes after it "
-            "are predicted better without them, as after a cable that was still settling"
-        )
-    found += [*_about_size(log, split, path, models), *_about_parameters(models[best], best)]
+    begun = seconds_text((log.time[one.fitted_from] if rest_until is None else rest_until) - log.time[0])
+    few = path.strokes < TOLD
+    do = f"at least {ENOUGH} whole cycles" if one.cycles.whole < ENOUGH else "as many cycles in each half"
+    lost = 2.0 * models["play"].parameters["half_width"]
     low, high = float(np.min(path.turning)), float(np.max(path.turning))
     beyond = max(low - float(log.motor[split:].min()), float(log.motor[split:].max()) - high)
-    if beyond > 0.1 * path.span:
-        found.append(
-            f"the second half goes {beyond * DEGREES:.3g}° beyond the range of the first: the models are judged where "
-            "they were not fitted"
-        )
-    return found
-
-
-def _about_motion(path: Path, whole: int) -> list[str]:
-    found = []
-    if path.strokes < 2:
-        found.append(
+    vague = _vague(models[best])
+    table = (
+        (
+            path.strokes < 2,
             "the motor does not reverse in the first half, so no hysteresis shows there and its errors in the second "
-            f"half say nothing: move faster or record longer, {ENOUGH} whole cycles or more"
-        )
-    elif path.strokes < ENOUGH:  # of enough whole cycles, half of the log has as many strokes
-        do = f"record at least {ENOUGH} whole cycles" if whole < ENOUGH else "record as many cycles in each half"
-        found.append(
+            f"half say nothing: move faster or record longer, {ENOUGH} whole cycles or more",
+        ),
+        (
+            2 <= path.strokes < ENOUGH,  # of enough whole cycles, half of the log has as many strokes
             f"the first half has only {path.strokes - 1} reversal{'s' * (path.strokes > 2)}, too few to separate a "
-            f"loop from what happens once{', and the whole log chose the model' * (path.strokes < TOLD)}: {do}"
-        )
-    if one_amplitude(path):
-        found.append(INNER_UNSEEN.format(path.span * DEGREES))
-    return found
+            f"loop from what happens once{', and the whole log chose the model' * few}: record {do}",
+        ),
+        (one_amplitude(path), INNER_UNSEEN.format(path.span * DEGREES)),
+        (
+            rest_until is not None,
+            f"the first {begun} count less: the log begins at rest or at a turn, and a cable that rested comes to its "
+            "loop on the motor's first way through the range",
+        ),
+        (
+            rest_until is None and one.fitted_from > 0,
+            f"the first {begun} were not fitted: the strokes after it are predicted better without them, as after a "
+            "cable that was still settling",
+        ),
+        (
+            path.strokes > 1 and path.span < 3.0 * lost,
+            f"the motion is too small: of {path.span * DEGREES:.3g}° the motor's play takes {lost * DEGREES:.2g}°; "
+            f"record at least {5.0 * lost * DEGREES:.2g}°",
+        ),
+        *(_smallness(name, values[:split]) for name, values in (("motor", log.motor), ("joint", log.joint))),
+        (
+            bool(vague),
+            f"nearly unidentifiable in {best}: {vague}; the curve it draws is still determined, single values are not: "
+            "record reversals in the middle of strokes, at several amplitudes, and move slowly through them",
+        ),
+        (
+            beyond > 0.1 * path.span,
+            f"the second half goes {beyond * DEGREES:.3g}° beyond the range of the first: the models are judged where "
+            "they were not fitted",
+        ),
+    )
+    return [words for holds, words in table if holds]
 
 
-INNER_UNSEEN = (
-    "all strokes have one amplitude ({:.3g}° peak to peak of the motor): play and slope of smaller loops inside that "
-    "one are not seen; record strokes of a half and a quarter of it as well"
-)
-"""Of a log whose `one_amplitude` is true, with its motor's span [deg]."""
+def _smallness(name: str, values: Array) -> tuple[bool, str]:
+    """Whether a side moves too little for its encoder, and the words for it."""
+    span, count, noise = float(np.ptp(values)), resolution(values), motor_noise(values)
+    return span < 50.0 * max(count, 2.0 * noise), (
+        f"the motion is too small for the {name}'s encoder: {span * DEGREES:.3g}° with steps of "
+        f"{count * DEGREES:.2g}° and {noise * DEGREES:.2g}° of noise; record a larger one"
+    )
+
+
+def _vague(fitted: ModelFit) -> str:
+    """Parameters of a Bouc–Wen model's shape that the log does not show."""
+    shape = [key for key in ("hysteresis_gain", "rate", "shape", "exponent") if key in fitted.parameters]
+    found = [(key, fitted.parameters[key], fitted.uncertainty[key]) for key in shape]
+    return ", ".join(
+        f"{key} = {value:.3g}"
+        + (f" ± {error:.2g}" if math.isfinite(error) else " (at the bound of its search, or not shown)")
+        for key, value, error in found
+        if not error < abs(value)
+    )
 
 
 def one_amplitude(path: Path) -> bool:
@@ -195,47 +216,6 @@ def one_amplitude(path: Path) -> bool:
 def seconds_text(time: float) -> str:
     """With two digits, or whole seconds."""
     return f"{time:.0f} s" if time >= 10.0 else f"{time:.2g} s"
-
-
-def _about_size(log: Log, split: int, path: Path, models: Mapping[str, ModelFit]) -> list[str]:
-    found = []
-    lost = 2.0 * models["play"].parameters["half_width"]
-    if path.strokes > 1 and path.span < 3.0 * lost:
-        found.append(
-            f"the motion is too small: of {path.span * DEGREES:.3g}° the motor's play takes {lost * DEGREES:.2g}°; "
-            f"record at least {5.0 * lost * DEGREES:.2g}°"
-        )
-    for name, values in (("motor", log.motor[:split]), ("joint", log.joint[:split])):
-        count, noise = resolution(values), motor_noise(values)
-        if float(np.ptp(values)) < 50.0 * max(count, 2.0 * noise):
-            found.append(
-                f"the motion is too small for the {name}'s encoder: {np.ptp(values) * DEGREES:.3g}° with steps of "
-                f"{count * DEGREES:.2g}° and {noise * DEGREES:.2g}° of noise; record a larger one"
-            )
-    return found
-
-
-def _about_parameters(fitted: ModelFit, name: str) -> list[str]:
-    """What the log shows of the recommended model's shape, where it is a Bouc–Wen one."""
-    shape = ("hysteresis_gain", "rate", "shape", "exponent")
-    vague = [
-        key for key in shape if key in fitted.parameters and not fitted.uncertainty[key] < abs(fitted.parameters[key])
-    ]
-    if not vague:
-        return []
-    listed = ", ".join(
-        f"{key} = {fitted.parameters[key]:.3g}"
-        + (
-            f" ± {fitted.uncertainty[key]:.2g}"
-            if math.isfinite(fitted.uncertainty[key])
-            else " (at the bound of its search, or not shown)"
-        )
-        for key in vague
-    )
-    return [
-        f"nearly unidentifiable in {name}: {listed}; the curve it draws is still determined, single values are not: "
-        "record reversals in the middle of strokes, at several amplitudes, and move slowly through them"
-    ]
 
 
 def lags(lag: tuple[float, float]) -> bool:

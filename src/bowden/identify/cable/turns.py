@@ -5,6 +5,7 @@ that follows. The extreme reading itself lies too far out by a few times the noi
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ one that is right within 0.2 of a deviation for sines, minimum-jerk motions and 
 
 
 _ENOUGH = 200_000
-"""Samples that show an encoder's counts: of twice as many and more, every so many is looked at."""
+"""Samples that show an encoder's counts, noise and speed: of twice as many and more, every so many is looked at."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ def least_swing(motor: Array, noise: float | None = None) -> float:
 
 def peak_speed(time: Array, angle: Array) -> float:
     """The speed that a signal hardly ever exceeds [rad/s]; nine samples outweigh its noise."""
-    return float(np.quantile(np.abs(angle[9:] - angle[:-9]), 0.95)) / (9.0 * float(np.median(np.diff(time))))
+    moved = (angle[9:] - angle[:-9])[:: max(1, len(angle) // _ENOUGH)]
+    return float(np.quantile(np.abs(moved), 0.95)) / (9.0 * float(np.median(np.diff(time))))
 
 
 def motor_noise(motor: Array) -> float:
@@ -64,7 +66,7 @@ def motor_noise(motor: Array) -> float:
     The encoder's count is taken to be the smallest step, if the log consists of so few different steps that they must
     be counts.
     """
-    second = np.diff(motor, 2)
+    second = np.diff(motor, 2)[:: max(1, len(motor) // _ENOUGH)]
     white = float(np.median(np.abs(second))) / (0.6745 * np.sqrt(6.0))
     return max(white, resolution(motor) / np.sqrt(12.0))
 
@@ -167,5 +169,11 @@ def _first_value(motor: Array, noise: float) -> tuple[float, float]:
 
 def _smoothed(values: Array, degree: int) -> Array:
     """Evenly spaced values (n,) smoothed by the polynomial of a degree that fits them best."""
-    place = np.linspace(-1.0, 1.0, len(values))
-    return np.asarray(np.polynomial.Polynomial.fit(place, values, degree)(place))
+    basis = _polynomials(len(values), degree)
+    return np.asarray(basis @ (basis.T @ values))
+
+
+@lru_cache(256)
+def _polynomials(count: int, degree: int) -> Array:
+    """Orthonormal ones at evenly spaced places (count, degree + 1)."""
+    return np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), degree))[0]

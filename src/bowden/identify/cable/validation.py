@@ -1,29 +1,41 @@
-"""Which model to recommend, decided inside the fitted part of the log.
+"""What is decided inside the fitted part of the log: which model to recommend, and how much its beginning counts.
 
-Every stroke is cut into stretches of a twentieth of the motor's range, and the stretches are dealt out to five folds,
-in turn along a stroke and shifted from one stroke to the next. Each fold is left out in turn (its nodes lose their
-weight; the model is still simulated straight through them), the family is fitted to the rest, and judged on the fold. A
-model so has to predict a stretch from those beside it and from the same stretch of other strokes, and not, as where
-whole strokes of a short log are left out, a branch from which nothing is left. Of two models that differ by less than
-the scatter of their difference the one with fewer parameters is taken, so that a richer model must earn its place; but
-never one whose error is a twentieth above the least. A model of which the log does not show every parameter (or some
-are at the bounds of their search) gives way to one whose error is as small within a twentieth, and all of whose
-parameters are shown; never to free branches, of which no single one is.
+**The model.** Every stroke is cut into stretches of a twentieth of the motor's range, and the stretches are dealt out
+to five folds, in turn along a stroke and shifted from one stroke to the next. Each fold is left out in turn (its nodes
+lose their weight; the model is still simulated straight through them), the family is fitted to the rest, and judged on
+the fold. A model so has to predict a stretch from those beside it and from the same stretch of other strokes, and not,
+as where whole strokes of a short log are left out, a branch from which nothing is left. Of two models that differ by
+less than the scatter of their difference the one with fewer parameters is taken, so that a richer model must earn its
+place; but never one whose error is a twentieth above the least. A model of which the log does not show every parameter
+(or some are at the bounds of their search) gives way to one whose error is as small within a twentieth, and all of
+whose parameters are shown; never to free branches, of which no single one is.
 
-The start of a log is never judged, where enough is left without it: a cable settles (`bowden.identify.cable.settling`).
+The start of a log is never judged, where enough is left without it: a cable settles.
+
+**The beginning.** A cable settles: on its first strokes after a rest it often runs beside the loop on which it stays
+afterwards, and it goes on creeping for some cycles. What matters is how a model predicts what comes later. So each of
+the later strokes is predicted from those before it, with all of them, without the first or the second long one, and
+with weights that halve every two strokes towards the past; what predicts best is taken, and nothing is left out or
+weighted for less than a tenth of the error, nor where it makes the strokes of either direction worse. All are judged on
+the same strokes.
+
+A log of two cycles has no later strokes to ask. But a cable that was at rest begins beside its loop, and comes to it on
+the way: so, where nothing is left out or weighted, what it does on its first way through the range counts by the square
+of the share of the range that is behind it, as if its distance from the loop fell with the inverse of that share. A log
+begins at rest, or at a turn, where the motor takes longer than usual for the first twentieth of its range.
 
 Source: Hastie, Tibshirani and Friedman, *The Elements of Statistical Learning*, 2009, Section 7.10 (one-standard-error
 rule); Roberts et al., Ecography 40(8), 2017 (blocks in cross-validation of what is correlated).
 """
 
-from collections.abc import Collection, Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.identify.cable.family import Array, Estimate, Family
 from bowden.identify.cable.path import Path
+from bowden.identify.cable.projection import Array, Estimate, products
 from bowden.plants.predicted import PREDICTED
 
 _FOLDS, _STRETCHES = 5, 20
@@ -31,6 +43,9 @@ _JUDGED = 1_000_000
 """Samples that judge a fold: of a log with twice as many and more, every so many."""
 _TWENTIETH = 1.05**2 - 1.0
 """Of the squared error, what a twentieth of the error is."""
+
+Refit = Callable[[Path, Estimate], Estimate]
+"""The best member of a family for a path, perhaps another part of the log or with other weights, searched from one."""
 
 
 def start_ends(path: Path) -> list[int]:
@@ -59,7 +74,7 @@ def folds(path: Path) -> list[NDArray[np.bool_]]:
 
 
 def left_out_errors(
-    families: Iterable[Family],
+    families: Mapping[str, Refit],
     estimates: Mapping[str, Estimate],
     thin: Path,
     path: Path,
@@ -73,7 +88,7 @@ def left_out_errors(
     the loop is not better on the samples themselves.
 
     Args:
-        families: to be judged.
+        families: to be judged, by name.
         estimates: their members for all of the path, by name.
         thin: the same motion, on which they are fitted without a fold.
         path: along which the joint is predicted.
@@ -92,13 +107,13 @@ def left_out_errors(
             rest = thin.with_weight(np.where(thinned == one, 0.0, thin.weight))
             judged.append((rest, time[mine], joint[mine], np.interp(time[mine], path.time, counted)))
     found: dict[str, Array] = {}
-    for family in families:
+    for name, refit in families.items():
         errors = []
         for rest, at, measured, weights in judged:
-            member = family.refit(rest, estimates[family.name])
-            predicted = np.interp(at, nodes, PREDICTED[family.name](member.parameters, path.motor)[seen])
+            member = refit(rest, estimates[name])
+            predicted = np.interp(at, nodes, PREDICTED[name](member.parameters, path.motor)[seen])
             errors.append(float(np.average((predicted - measured) ** 2, weights=weights)))
-        found[family.name] = np.array(errors)
+        found[name] = np.array(errors)
     return found
 
 
@@ -139,3 +154,91 @@ def simplest_of_the_best(
         shown = [one for one in errors if one not in {*unseen, *trading} and float(np.mean(errors[one])) <= most]
         key = min(shown, key=lambda one: complexity[one], default=key)
     return key
+
+
+_HALF_LIFE = 2.0
+"""Strokes, one cycle, within which a weight halves."""
+_FEWEST = 4
+"""Strokes from which the next one is predicted."""
+_WHOLE = 0.9
+"""Least way of the strokes that are judged, over the motor's range: the sliver of a stroke decides nothing."""
+_OF_USE = 0.9**2
+"""Share of the squared error that may stay where something is left out or weighted."""
+
+
+_LEAST_GONE = 0.03
+"""Share of the range that counts as behind the motor at the start."""
+_FIRST, _LONGER = 0.05, 1.5
+"""Share of the range, and how many times as long as usual the motor takes for it from rest; a sine that begins at a
+turn takes 2.9 times as long, one that begins in its middle 0.6 times."""
+
+
+class Settling(NamedTuple):
+    """Which strokes are fitted, and how they are weighted."""
+
+    start: int = 0
+    """Strokes at the start that are left out."""
+    half_life: float = np.inf
+    """Strokes within which the weight halves towards the past."""
+
+    def weighted(self, path: Path) -> Path:
+        """The path with its start and its past weighted so; as one from rest where neither is decided."""
+        if self == Settling():
+            return from_rest(path)
+        shares = np.where(path.stroke < self.start, 0.0, 0.5 ** ((path.stroke[-1] - path.stroke) / self.half_life))
+        return path.with_weight(path.weight * shares)
+
+
+def from_rest(path: Path) -> Path:
+    """The path, its first way through the range weighted as that of a cable that was at rest where it was."""
+    if path.strokes < 2:  # no other way says what this one should be like
+        return path
+    before = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(path.turning)))])[path.stroke]
+    gone = (before + np.abs(path.motor - path.turning[path.stroke])) / path.span
+    usual = _FIRST * (path.time[-1] - path.time[0]) / gone[-1]
+    if np.interp(_FIRST, gone, path.time) - path.time[0] < _LONGER * usual:  # it was moving before the log began
+        return path
+    return path.with_weight(path.weight * np.clip(gone, _LEAST_GONE, 1.0) ** 2)
+
+
+def settling(path: Path, rich: Estimate) -> Settling:
+    """What predicts later strokes best; `rich` is linear in its coordinates and was fitted to all of the path."""
+    columns = np.column_stack([*rich.slopes.values(), path.joint])
+    blocks = []
+    for stroke in range(path.strokes):
+        mask = path.stroke == stroke
+        blocks.append(products(columns[mask], path.weight[mask]))
+    weights = np.bincount(path.stroke, path.weight, path.strokes).astype(np.float64)
+    prior = np.zeros((columns.shape[1] - 1,) * 2) if rich.prior is None else rich.prior / weights.sum()
+    starts = start_ends(path)
+    judged = range(max(_FEWEST, path.strokes // 2, starts[-1] + 1), path.strokes)
+    lengths = np.abs(np.diff(path.turning))
+    if float(lengths[list(judged)].sum()) < _WHOLE * path.span:
+        return Settling()
+    best, least, plain = Settling(), np.inf, np.full(2, np.inf)
+    for half_life in (np.inf, _HALF_LIFE):
+        for start in starts:
+            given = Settling(start, half_life)
+            errors = _errors(blocks, weights, prior, judged, given)
+            ways = np.array([errors[0::2].sum(), errors[1::2].sum()])
+            if given == Settling():
+                least, plain = float(ways.sum()), ways
+            error = float(ways.sum())
+            helps = error < _OF_USE * least or (best != Settling() and error < least)
+            if helps and (ways <= plain).all():
+                best, least = given, error
+    return best
+
+
+def _errors(blocks: list[Array], weights: Array, prior: Array, judged: range, given: Settling) -> Array:
+    """Squared error on each judged stroke of what those before it say."""
+    sums, weight, fade, errors = np.zeros_like(blocks[0]), 0.0, 0.5 ** (1.0 / given.half_life), []
+    for stroke in range(given.start, judged.stop):
+        if stroke in judged:
+            gram = sums[:-1, :-1] + weight * prior
+            small = 1e-12 * float(np.trace(gram)) / len(gram)
+            nodes = np.linalg.solve(gram + small * np.eye(len(gram)), sums[:-1, -1])
+            own = blocks[stroke]
+            errors.append(float(own[-1, -1] - 2.0 * nodes @ own[:-1, -1] + nodes @ own[:-1, :-1] @ nodes))
+        sums, weight = fade * sums + blocks[stroke], fade * weight + float(weights[stroke])
+    return np.array(errors)

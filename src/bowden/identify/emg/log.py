@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.identify.cable.checks import check_finite
-from bowden.identify.log.clock import even_clock
+from bowden.identify.log.clock import check_finite, even_clock
 from bowden.identify.log.columns import FACTORS, TIMES, split_name
 from bowden.records.table import Table, read_table
+from bowden.records.units import unit_of
 from bowden.sensing.onset_settings import LARGEST, QUICKEST, SAFE, SLOWEST
 
 Array = NDArray[np.float64]
@@ -75,9 +75,9 @@ def read_emg(path: Path, channel: str | None = None, rate: float | None = None) 
             that is not the declared one, too short, flat, clipped, or too large; one line that says where.
     """
     table = _read(path)
-    others = _signals(table, path)
+    others = _signals(table)
     name = others[0] if channel is None else channel
-    found = _recording(table, (name,), rate, path)
+    found = _recording(table, (name,), rate)
     warnings = found.warnings
     if channel is None and len(others) > 1:
         warnings = (*warnings, f"{len(others)} channels, {name!r} is taken")
@@ -102,7 +102,7 @@ def checked_emg(values: Array, rate: float, channel: str) -> EmgRecording:
         lambda columns, clock: [given],
         place=lambda row: f"the recording, row {row + 1}",
     )
-    found = _recording(table, (channel,), rate, "the recording")
+    found = _recording(table, (channel,), rate)
     return replace(found, values=found.values[:, 0].copy())
 
 
@@ -113,25 +113,25 @@ def read_channels(path: Path, channels: Sequence[str] = (), rate: float | None =
         LogError: as `read_emg`, for each channel.
     """
     table = _read(path)
-    return _recording(table, tuple(channels) or tuple(_signals(table, path)), rate, path)
+    return _recording(table, tuple(channels or _signals(table)), rate)
 
 
 def _times(table: Table) -> list[str]:
     return [name for name in table.names if split_name(name)[0] in TIMES]
 
 
-def _signals(table: Table, path: str | Path) -> list[str]:
-    """Columns that are no times."""
+def _signals(table: Table) -> list[str]:
+    """Columns that are no times, and no text where others are none."""
     times = _times(table)
     others = [name for name in table.names if name not in times]
     if not others:
-        raise LogError(f"{path}: no channel beside {', '.join(map(repr, times))}", expected="a column such as emg_mV")
-    return others
+        said = f"{table.path}: no channel beside {', '.join(map(repr, times))}"
+        raise LogError(said, expected="a column such as emg_mV")
+    return [name for name in others if name not in table.wordy] or others
 
 
-def _recording(table: Table, names: tuple[str, ...], declared: float | None, path: str | Path) -> EmgRecording:
-    where = table.place
-    times = _times(table)
+def _recording(table: Table, names: tuple[str, ...], declared: float | None) -> EmgRecording:
+    path, where, times = table.path, table.place, _times(table)
     if not times and declared is None:
         raise LogError(
             f"{path}: no column of times among {_listed(table.names)}",
@@ -140,18 +140,17 @@ def _recording(table: Table, names: tuple[str, ...], declared: float | None, pat
         )
     for name in names:
         if name not in table.names or name in times:
-            others = _listed(_signals(table, path))
+            others = _listed(_signals(table))
             raise LogError(f"{path}: no channel {name!r} among {others}", do="name one of them with --channel")
     columns = _numbers(table, [*names, *times[:1]])
+    if len(columns[0]) < 2:
+        raise LogError(f"{path} has {len(columns[0])} samples", expected=f"at least {_SHORTEST:g} s of EMG")
+    for name, values in zip((*times[:1], *names), (*columns[len(names) :], *columns), strict=False):
+        check_finite(name, values, where)
     if times:
-        time = columns.pop() * FACTORS.get(split_name(times[0])[1] or "s", 1.0)
+        time = columns.pop() * FACTORS.get(split_name(times[0])[1] or unit_of(times[0]) or "s", 1.0)
     else:
         time = np.arange(len(columns[0])) / (declared or 1.0)
-    if len(time) < 2:
-        raise LogError(f"{path} has {len(time)} samples", expected=f"at least {_SHORTEST:g} s of EMG")
-    check_finite(times[0] if times else "time", time, where)
-    for name, values in zip(names, columns, strict=True):
-        check_finite(name, values, where)
     even, columns, warnings = even_clock(time, columns, where)
     rate = (len(even) - 1) / float(even[-1] - even[0])
     if declared is not None and not abs(rate / declared - 1.0) <= _RATE_ERROR:

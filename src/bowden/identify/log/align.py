@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.identify.cable.generalised import LAGS, bent_stack
+from bowden.identify.cable.generalised import bent_stack
 from bowden.identify.cable.path import build_path
+from bowden.identify.cable.plays import LAGS
 from bowden.identify.cable.turns import find_turns
 
 Array = NDArray[np.float64]

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,13 +11,13 @@ from numpy.typing import NDArray
 
 from bowden.core.arguments import format_value
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
-from bowden.identify.log.columns import split_name
-from bowden.plants.trust import Trust
+from bowden.core.units import CABLE_LOG_LIMIT, DEGREES, RADIANS
+from bowden.identify.cable.turns import Index, least_swing, motor_noise, reversals
+from bowden.identify.log.columns import ANGLES, FACTORS, LENGTHS, LogColumn, split_name
+from bowden.plants.trust import Level, Trust
 
 Array = NDArray[np.float64]
 
-UNITS = ("deg", "rad", "turns", "counts")
 SIDES = ("motor", "joint")
 
 _TURN = 2.0 * math.pi  # rad
@@ -51,6 +52,15 @@ class AngleUnits(NamedTuple):
     """Radius of the motor's spool, where its column is a length of cable [mm]."""
     apart: bool
     """True if each side has its own unit said, so that a gear between them is no mistake."""
+
+
+_LEADS = 0.005
+"""Of the loop that looks swapped: a quarter of the least that a recorded cable shows [–]."""
+_STOPPED = 0.01
+"""Share of the motor's range in which a joint that stands still makes the model's end a wrong one [–]. Within a cable's
+play it stands as the motor goes back, not on."""
+_LIKE_DEGREES = (0.8 * DEGREES, 1.15 * DEGREES)
+"""Ratios of two motions that are rather a mistaken unit than a cable's slope: those of cables are 0.8 to 1.15."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +113,7 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None, spool_radius_mm: 
             f"the unit of the angles is {format_value(unit)}", expected=_EXPECTED, do="give one of them"
         )
     parts = [part.strip().lower() for part in unit.split(",")] if unit else [None]
-    if len(parts) > 2 or any(part not in (None, *UNITS, "mm", "cm") for part in parts):
+    if len(parts) > 2 or any(part not in (None, *ANGLES, *LENGTHS) for part in parts):
         raise ParameterError(f"the unit of the angles is {unit!r}", expected=_EXPECTED, do="give one of them")
     counts = _counts(counts_per_turn)
     both = (parts[0], parts[-1])
@@ -136,12 +146,12 @@ def _counts(given: Any) -> list[float]:
 
 
 def angles_of(
-    columns: Mapping[str, tuple[str, str | None]], values: Mapping[str, Array], given: AngleUnits
+    columns: Mapping[str, LogColumn], values: Mapping[str, Array], given: AngleUnits
 ) -> tuple[dict[str, Angle], list[str]]:
     """Motor and joint in the units that the user gave or the log names, and what was guessed.
 
     Args:
-        columns: side → its name in the log, and the unit that the log says, or None.
+        columns: side → its column.
         values: side → (n,).
         given: see `angle_units`.
 
@@ -149,30 +159,29 @@ def angles_of(
         LogError: a length; one unit for two columns of which one names another; counts that are not whole, or of which
             nobody says how many make a turn.
     """
-    for (side, (name, found)), unit in zip(columns.items(), given.unit, strict=True):
-        if (unit or found) in ("mm", "cm") and not (side == "motor" and given.spool):
+    spool = given.spool or 0.0
+    unit_of_motor = given.unit[0] or ("mm" if spool and columns["motor"].unit is None else None)
+    units = (unit_of_motor, given.unit[1])
+    for side, unit in zip(SIDES, units, strict=True):
+        found = columns[side].unit
+        if (unit or found) in LENGTHS and not (side == "motor" and spool):
             radius = "give the radius of its spool: --spool-radius-mm 20 (spool_radius_mm= in Python)"
             do = radius if side == "motor" else "convert it, or name another column"
-        elif found not in (None, *UNITS, "mm", "cm") and unit is None:
+        elif found not in (None, *ANGLES, *LENGTHS) and unit is None:
             do = "name another column, or give --unit where the name is wrong"
         else:
             continue
-        what = f"the {side}'s column {name!r} is in {unit or found}"
-        raise LogError(what, expected=f"an angle: {', '.join(UNITS)}", do=do)
-    if given.spool:  # what the motor winds up is an angle from here on
-        name, found = columns["motor"]
-        per_mm = 10.0 if (given.unit[0] or found) == "cm" else 1.0
-        values = {**values, "motor": values["motor"] * per_mm / given.spool}
-        columns = {**columns, "motor": (name, "rad")}
-        given = given._replace(unit=("rad", given.unit[1] if given.unit[1] not in ("mm", "cm") else None), spool=None)
-    own = {side: found if found in UNITS else None for side, (_, found) in columns.items()}
+        what = f"the {side}'s column {columns[side].name!r} is in {unit or found}"
+        raise LogError(what, expected=f"an angle: {', '.join(ANGLES)}", do=do)
+    own = {side: columns[side].unit if columns[side].unit in (*ANGLES, *LENGTHS) else None for side in SIDES}
+    factors = FACTORS | {unit: length / spool for unit, length in LENGTHS.items() if spool}
     angles: dict[str, Angle] = {}
     warnings: list[str] = []
-    for side, other, unit, counts in zip(SIDES, reversed(SIDES), given.unit, given.counts_per_turn, strict=True):
-        name, named = columns[side][0], own[side] or own[other]
+    for side, other, unit, counts in zip(SIDES, reversed(SIDES), units, given.counts_per_turn, strict=True):
+        name, named = columns[side].name, own[side] or (own[other] if own[other] in ANGLES else None)
         if unit is None and counts is not None and own[side] is None:
             unit = "counts"
-        chosen, guessed = unit or named or "rad", False
+        chosen = unit or named or "rad"
         if unit is not None and own[side] not in (None, unit):
             if own[other] in (None, unit) and not given.apart:
                 apart = ",".join(own[one] or unit for one in SIDES)
@@ -182,8 +191,6 @@ def angles_of(
                     do=f"give --unit {apart} (unit='{apart}' in Python), or name the column otherwise",
                 )
             warnings.append(f"column {name!r} names {own[side]}, but {unit} was given and is taken")
-        if unit is None and own[side] is None:
-            guessed = True
         if chosen == "counts" and counts is None:
             raise LogError(
                 f"{name!r} is in counts, and nothing says how many make a turn",
@@ -197,9 +204,9 @@ def angles_of(
                 expected="whole numbers",
                 do="give its unit: --unit deg or --unit rad (unit= in Python), beside the counts per turn",
             )
-        factor = {"deg": RADIANS, "rad": 1.0, "turns": _TURN, "counts": _TURN / (counts or 1.0)}[chosen]
-        known, count = unit is not None or named is not None, _TURN / counts if counts else 0.0
-        angles[side] = Angle(name, values[side], chosen, known, factor, guessed, count)
+        factor = _TURN / (counts or 1.0) if chosen == "counts" else factors[chosen]
+        known, guessed = unit is not None or named is not None, unit is None and own[side] is None
+        angles[side] = Angle(name, values[side], chosen, known, factor, guessed, _TURN / counts if counts else 0.0)
     if any(one.unit == "counts" for one in angles.values()) and len({*given.counts_per_turn}) == 1:
         # one number beside one side that counts is that side's: the other's encoder is not known
         angles = {side: one if one.unit == "counts" else replace(one, count=0.0) for side, one in angles.items()}
@@ -298,53 +305,69 @@ def check_plausible(motor: Angle, joint: Angle, where: Callable[[int], str]) -> 
             raise _beyond(one, one is motor, where(worst), float(one.values[worst]))
 
 
-def unit_doubts(motor: Angle, joint: Angle, *, apart: bool) -> list[Trust]:
-    """Why angles are perhaps not in the units that they were taken in.
+def compared(motor: Angle, joint: Angle, where: str, *, apart: bool) -> tuple[list[str], list[Trust]]:
+    """What motor and joint beside one another say of their units: notes, and why perhaps they are others.
 
     A unit that nobody named is a guess. And a joint moves by less than half a turn, and a log of one that can be fitted
     by more than π°: what is taken for radians and moves by more than π may be degrees, and what is taken for degrees
     and moves by less than π, radians. A motor whose column names no unit, and for which one is not said apart from the
     joint's, may be a length where the joint moves too far for a cable.
+
+    Raises:
+        LogError: one moves some 57.3 times as far as the other, as degrees do beside radians, and nobody says of each
+            `apart` in which unit it is.
     """
-    guessed = [f"{one.name!r} (taken as {one.unit})" for one in (motor, joint) if one.guessed]
-    found = [f"no unit is named for {' and '.join(guessed)}: give --unit, or end the names in _deg or _rad"] * bool(
-        guessed
-    )
-    span, unlikely = float(np.ptp(joint.values)), []
-    if joint.unit == "rad" and span > math.pi:
-        unlikely.append(f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?")
-    if _small(joint):
-        unlikely.append(f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?")
+    ratio = float(np.ptp(joint.radians) / np.ptp(motor.radians))
+    for factor, large, small in ((ratio, "joint", "motor"), (1.0 / ratio, "motor", "joint")):
+        if _LIKE_DEGREES[0] < factor < _LIKE_DEGREES[1] and not apart:
+            raise LogError(
+                f"{where}: the {large} moves {factor:.3g} times as far as the {small}, which looks like degrees beside "
+                "radians",
+                expected="both in the same unit",
+                do="convert one of them; with a gear between them give each unit (--unit deg,deg, unit='deg,deg')",
+            )
+    span = float(np.ptp(joint.values))
+    little = joint.unit == "deg" and span < math.pi
+    guessed = " and ".join(f"{one.name!r} (taken as {one.unit})" for one in (motor, joint) if one.guessed)
     said = "" if apart else f" Say so with --unit; if it is not, with --unit {motor.unit},{joint.unit}"
-    ratio = span * joint.factor / (float(np.ptp(motor.values)) * motor.factor)
-    if motor.unit == "deg" and split_name(motor.name)[1] is None and not apart and ratio > _AS_OF_LENGTH:
-        found.append(
+    unlikely: Level = "with care" if apart else "no"
+    unnamed = motor.unit == "deg" and split_name(motor.name)[1] is None and not apart
+    table: tuple[tuple[bool, Level, str], ...] = (
+        (
+            joint.unit == "rad" and span > math.pi,
+            unlikely,
+            f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?{said}",
+        ),
+        (
+            little,
+            unlikely,
+            f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?{said}",
+        ),
+        (
+            bool(guessed),
+            "with care",
+            f"no unit is named for {guessed}: give --unit, or end the names in _deg or _rad",
+        ),
+        (
+            unnamed and ratio > _AS_OF_LENGTH,
+            "with care",
             f"the joint moves {ratio:.3g} times as far as {motor.name}, which names no unit: is that a length in mm? "
             "Then divide it by the radius of its spool (rad). If it is an angle, say in which unit: --unit "
-            f"deg,{joint.unit} or --unit rad,{joint.unit}"
-        )
-    if motor.unit == joint.unit == "counts" and ratio > _GEARED:
-        found.append(
-            f"the joint moves {ratio:.3g} times as far as the motor: are the counts a turn of the two exchanged?"
-        )
-    doubts = [Trust("with care" if apart else "no", (one + said,)) for one in unlikely]
-    return [*doubts, *(Trust("with care", (one,)) for one in found)]
-
-
-def _small(joint: Angle) -> bool:
-    """True if a joint in degrees moves by less than radians would."""
-    return joint.unit == "deg" and float(np.ptp(joint.values)) < math.pi
-
-
-def geared(motor: Angle, joint: Angle) -> list[str]:
-    """A note where the motor moves so much further than the joint that a gear or a spool must be between them."""
-    ratio = float(np.ptp(motor.radians) / np.ptp(joint.radians))
-    if ratio < _GEARED or _small(joint):
-        return []
-    return [
-        f"the motor moves {ratio:.3g} times as far as the joint, as before a gear: the model holds for this log's "
-        "motor; a rig counts its motor behind the gear, so divide it by the gear's ratio before the model goes into one"
-    ]
+            f"deg,{joint.unit} or --unit rad,{joint.unit}",
+        ),
+        (
+            motor.unit == joint.unit == "counts" and ratio > _GEARED,
+            "with care",
+            f"the joint moves {ratio:.3g} times as far as the motor: are the counts a turn of the two exchanged?",
+        ),
+    )
+    gear = (
+        f"the motor moves {1.0 / ratio:.3g} times as far as the joint, as before a gear: the model holds for this "
+        "log's motor; a rig counts its motor behind the gear, so divide it by the gear's ratio before the model goes "
+        "into one"
+    )
+    doubts = [Trust(level, (why,)) for holds, level, why in table if holds]
+    return [gear] * (ratio * _GEARED <= 1.0 and not little), doubts
 
 
 def _many_turns(motor: Angle, joint: Angle) -> bool:
@@ -374,9 +397,54 @@ def _beyond(angle: Angle, motor: bool, place: str, value: float) -> LogError:
             "radius of its spool, which makes it rad"
             + ("; of a motor of many turns, say rad" if motor and not angle.known else ""),
         )
-    shown = f"{value:.6g}°" if angle.unit == "deg" else f"{value:.9g} counts"
+    unit = "°" if angle.unit == "deg" else f" {angle.unit}"
     return LogError(
-        f"{place}: {angle.name} is {shown}",
-        expected=f"an angle within ±{limit:.0f}{'°' if angle.unit == 'deg' else ' counts'}{turns}",
+        f"{place}: {angle.name} is {value:.9g}{unit}",
+        expected=f"an angle within ±{limit:.0f}{unit}{turns}",
         do="check the column and its unit, or remove the outlier",
     )
+
+
+def odd_motions(motor: Array, joint: Array) -> list[Trust]:
+    """Why these (n,) [rad] are perhaps no motor and no joint that follows it: they look swapped, or the joint stands.
+
+    A cable's far end lags, and so its loop is gone round one way. What is looked at is ½∮(m·dj − j·dm), over the
+    motor's travel and the joint's range: 0.019 to 0.052 on 24 recordings of cables, and nothing on one without play. A
+    sensor at the end of its range reads one angle while the motor goes on, and so does a joint at a stop.
+    """
+    turns, found = reversals(motor, least_swing(motor)), []
+    if _look_swapped(motor, joint, turns):
+        why = "the joint turns round before the motor does: motor and joint look swapped; exchange their columns"
+        found.append(Trust("no", (why,)))
+    if (stop := _stopped_at(motor, joint, turns)) is not None:
+        at, on = (one * DEGREES for one in stop)
+        why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
+        found.append(Trust("with care", (why,)))
+    return found
+
+
+def _look_swapped(motor: Array, joint: Array, turns: Index) -> bool:
+    if len(turns) < 3:  # nothing is gone round: the chord of an open path has an area too
+        return False
+    round_ = slice(turns[0], turns[2 * ((len(turns) - 1) // 2)])
+    motor, joint = motor[round_], joint[round_]
+    m, j = motor - motor.mean(), joint - joint.mean()
+    area = 0.5 * float(np.sum(m[:-1] * np.diff(j) - j[:-1] * np.diff(m)) * np.sign(np.sum(m * j)))
+    return area < -_LEADS * float(np.abs(np.diff(m)).sum() * np.ptp(j))
+
+
+def _stopped_at(motor: Array, joint: Array, turns: Index) -> tuple[float, float] | None:
+    """Where the joint stands [rad] while the motor goes on, and how far that goes on [rad]; None where it does not."""
+    near = 3.0 * motor_noise(joint)
+    direction = float(np.sign(np.sum((motor - motor.mean()) * (joint - joint.mean()))))
+    slope = float(np.ptp(joint) / np.ptp(motor))
+    for side in (1.0, -1.0):
+        out, along = side * joint, side * direction * motor
+        there, beyond = out >= out.max() - near, []
+        for begin, end in pairwise([0, *turns]):
+            if along[end] > along[begin] and there[end] and not there[begin]:
+                beyond.append(float(along[end] - along[begin + int(there[begin : end + 1].argmax())]))
+        on = sorted(beyond)[-2] if len(beyond) > 1 else 0.0  # once is no stop; and not every stroke goes as far
+        if on > _STOPPED * float(np.ptp(motor)) + 2.0 * near / slope:
+            return side * float(out.max()), on
+    return None

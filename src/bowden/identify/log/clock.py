@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, counted
 from bowden.core.units import DEGREES
+from bowden.identify.cable.cycles import ENOUGH
 from bowden.identify.cable.turns import peak_speed
 from bowden.identify.log.angles import GAP
 from bowden.plants.trust import Trust
@@ -45,6 +46,39 @@ _READINGS = 20
 _QUIET, _BEYOND, _COUNTS = 0.4, 8.0, 2.5
 """Quantile of a reading's steps; how many times it a new reading goes, and how many counts. Where two rows have one
 reading, half of the steps are noise, of which four deviations are 7.6 times that quantile."""
+
+FEWEST_SAMPLES = 50
+"""Below this a loop cannot be distinguished from noise."""
+
+
+def check_finite(name: str, values: Array, where: Callable[[int], str]) -> None:
+    """Refuse values that are not numbers.
+
+    Raises:
+        LogError: naming the first place and how many there are.
+    """
+    bad = np.flatnonzero(~np.isfinite(values))
+    if len(bad):
+        more = f" and {len(bad) - 1} more" if len(bad) > 1 else ""
+        raise LogError(
+            f"{where(int(bad[0]))}: {name} is {values[bad[0]]}{more}",
+            expected="a number in every row",
+            do="remove those rows or fill them by interpolation",
+        )
+
+
+def check_length(samples: int, where: str) -> None:
+    """Refuse a log that is too short.
+
+    Raises:
+        LogError: fewer than fifty samples.
+    """
+    if samples < FEWEST_SAMPLES:
+        raise LogError(
+            f"{where}: {samples} samples are too short a log",
+            expected=f"at least {FEWEST_SAMPLES}, over several cycles",
+            do=f"record at least {ENOUGH} whole cycles",
+        )
 
 
 def even_clock(

@@ -65,11 +65,17 @@ _PLACES = {
     ),
 }
 """Words in a column's name that say on which side it was measured; the last one, only where no other does."""
-_ANGLES = ("deg", "rad", "turns", "counts")
+ANGLES = ("deg", "rad", "turns", "counts", "mdeg", "mrad")
+"""Units of an angle."""
+LENGTHS = {"mm": 1.0, "cm": 10.0}
+"""Unit of a length of cable, which a spool winds up → what one of it is [mm]."""
 _TIME_UNITS = ("s", "ms", "us", "ns")
 _NO_ANGLE = ("torque", "force", "current", "volt", "temp", "vel", "speed", "emg", "target", "command", "cmd", "ref")
 
-FACTORS = {"deg": RADIANS, "rad": 1.0, "turns": math.tau, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+FACTORS = {
+    **{"deg": RADIANS, "rad": 1.0, "turns": math.tau, "mdeg": 1e-3 * RADIANS, "mrad": 1e-3},
+    **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+}
 """Unit → what one of it is in SI; what a count is, its encoder says."""
 
 
@@ -179,6 +185,13 @@ def sides_in(given: Mapping[str, str | None], names: Sequence[str]) -> set[str]:
     return found
 
 
+def only_angle(names: Sequence[str]) -> str | None:
+    """The one column beside the times, or the one of them in a unit of angles; None where there is no such one."""
+    others = [one for one in names if one.strip() and split_name(one)[0] not in TIMES]
+    angles = [one for one in others if split_name(one)[1] in ANGLES]
+    return next((found[0] for found in (others, angles) if len(found) == 1), None)
+
+
 def _by_words(names: Sequence[str], units: Sequence[str | None]) -> dict[str, int]:
     """The columns of motor and joint, where words in the names of one column each say which it is; else nothing.
 
@@ -186,8 +199,9 @@ def _by_words(names: Sequence[str], units: Sequence[str | None]) -> dict[str, in
     """
     of_motor = _with_word("motor", names)
     of_joint = [k for k in _with_word("joint", names) if k not in of_motor]
-    angles = [k for k in _angles(names) if k not in (*of_motor, *of_joint) and units[k] in _ANGLES]
-    of_motor, of_joint = of_motor or angles, of_joint or angles
+    angles = [k for k in _angles(names) if k not in (*of_motor, *of_joint) and units[k] in ANGLES]
+    if of_motor or of_joint:
+        of_motor, of_joint = of_motor or angles, of_joint or angles
     return {"motor": of_motor[0], "joint": of_joint[0]} if len(of_motor) == len(of_joint) == 1 else {}
 
 

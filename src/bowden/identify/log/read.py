@@ -13,23 +13,31 @@ from numpy.typing import NDArray
 from bowden.core.arguments import format_value, path_of
 from bowden.core.errors import LogError, ParameterError, counted
 from bowden.core.guesses import answering
-from bowden.core.units import DEGREES
-from bowden.identify.cable import checks
 from bowden.identify.cable.turns import least_swing, resolution, reversals
 from bowden.identify.log.angles import (
+    GAP,
     SIDES,
     Angle,
     AngleUnits,
     angle_units,
     angles_of,
     check_plausible,
-    geared,
-    unit_doubts,
+    compared,
+    odd_motions,
     unwrapped,
     without_outliers,
 )
-from bowden.identify.log.clock import even_clock, held_rows, in_seconds, odd_time, rises_evenly
-from bowden.identify.log.columns import CABLE, FACTORS, TIMES, LogColumn, find_columns, sides_in, split_name
+from bowden.identify.log.clock import (
+    FEWEST_SAMPLES,
+    check_finite,
+    check_length,
+    even_clock,
+    held_rows,
+    in_seconds,
+    odd_time,
+    rises_evenly,
+)
+from bowden.identify.log.columns import CABLE, FACTORS, TIMES, LogColumn, find_columns, only_angle, sides_in
 from bowden.identify.log.quaternions import with_angles
 from bowden.plants.counting import NOT_SAID, Covered, Encoders
 from bowden.plants.trust import Trust
@@ -40,8 +48,10 @@ Array = NDArray[np.float64]
 
 _EPOCH = 8
 """Digits of a time from 1970 in seconds, less one."""
-_DAY, _LATE = 86400.0, 1e6
-"""A day [s], and times beyond which digits of small steps are lost: they are counted from the first."""
+_TURNS = (86400.0, 2.0**16, 2.0**32)
+"""Where times begin again: after a day [s], and where a counter of milli- or microseconds overflows."""
+_LATE = 1e6
+"""Times beyond which digits of small steps are lost: they are counted from the first [s]."""
 _APART = 0.5
 """Share of the rows with one angle that must have the other too."""
 _OF_A_STROKE = 8
@@ -197,8 +207,7 @@ def read_file(file: Path, layout: Layout) -> Log:
                     do=f"exchange the names {clock!r} and {other!r} in the file",
                 )
     raw, warnings = with_both(raw, rate)
-    named = {side: (raw.columns[side].name, raw.columns[side].unit) for side in SIDES}
-    angles, guessed = angles_of(named, raw.values, units)
+    angles, guessed = angles_of(raw.columns, raw.values, units)
     seconds, notes, timed = seconds_of(raw, rate, file)
     words = [f"{role} is column {one.name!r}, by a word in it" for role, one in raw.columns.items() if one.by_word]
     said = (*words, *warnings, *guessed, *notes)
@@ -208,7 +217,8 @@ def read_file(file: Path, layout: Layout) -> Log:
 def read_run(files: Sequence[Path], layout: Layout) -> Log | None:
     """One run of which one file has the motor and another the joint, on one clock; None where they are no such files.
 
-    The columns say which it is; where they do not, and each file has one beside its time, the motor's comes first.
+    The columns say which it is. Where those of a file do not, and it has one beside its time, or one in a unit of
+    angles, that is the side that the other file lacks; where neither says it, the motor's file comes first.
 
     Args:
         files: two.
@@ -222,23 +232,21 @@ def read_run(files: Sequence[Path], layout: Layout) -> Log | None:
     units, rate, given = layout.units, layout.rate, layout.columns(files[0])
     names = [with_angles(read_table(file)).names for file in files]
     found = [sides_in(given, one) for one in names]
-    timed = [len([one for one in each if one.strip() and split_name(one)[0] not in TIMES]) for each in names]
+    if sum(map(len, found)) < 2 and all(map(only_angle, names)):
+        found = [one or {*SIDES} - other or {side} for one, other, side in zip(found, found[::-1], SIDES, strict=True)]
     if [len(one) for one in found] != [1, 1] or found[0] == found[1]:
-        if timed != [1, 1] or any(len(one) > 1 for one in found):
-            return None
-        found = [{"motor"}, {"joint"}]
+        return None
     raws: dict[str, RawLog] = {}
     warnings: list[str] = []
     at: dict[str, Array] = {}
     for file, (side,), each in zip(files, found, names, strict=True):
-        own = sides_in(given, each)
-        named = given[side] or (None if own else next(n for n in each if split_name(n)[0] not in TIMES))
+        named = given[side] or (None if sides_in(given, each) else only_angle(each))
         known = {"time": TIMES, side: CABLE[side]}
         raw = read_columns(file, {"time": given["time"], side: named}, known, () if rate is None else ("time",))
         raws[side], lost = with_both(raw, rate)
         at[side], notes, _ = seconds_of(raws[side], rate, file)
         warnings += [f"{file.name}: {one}" for one in (*lost, *notes) if one]
-    columns = {side: (raws[side].columns[side].name, raws[side].columns[side].unit) for side in SIDES}
+    columns = {side: raws[side].columns[side] for side in SIDES}
     angles, guessed = angles_of(columns, {side: raws[side].values[side] for side in SIDES}, units)
     signals = {}
     for side in SIDES:
@@ -297,16 +305,18 @@ def read_columns(
         raise LogError(f"{file}: no row of numbers found", expected="columns of numbers", do="record the log again")
     found = dict(zip(columns, values, strict=True))
     if "time" in found:
-        found["time"] = _past_midnight(found["time"])
+        found["time"] = _counted_on(found["time"])
     return RawLog(columns, found, table.place)
 
 
-def _past_midnight(time: Array) -> Array:
-    """Times of day that go on (n,) [s]; all others as they are."""
+def _counted_on(time: Array) -> Array:
+    """Times (n,) of day that go past midnight, or of a counter that overflows, counted on; all others as they are."""
     steps = np.diff(time)
-    if not (steps < -0.9 * _DAY).any() or np.nanmin(time) < 0.0 or np.nanmax(time) >= _DAY:
-        return time
-    return time + _DAY * np.concatenate([[0.0], np.cumsum(steps < -0.9 * _DAY)])
+    back = steps < 0.0
+    for turn in _TURNS if back.any() else ():
+        if (turn + steps[back] < GAP * np.nanmedian(steps)).all():
+            return time + turn * np.concatenate([[0.0], np.cumsum(back)])
+    return time
 
 
 def seconds_of(raw: RawLog, rate: float | None, file: Path) -> tuple[Array, list[str], bool]:
@@ -350,7 +360,7 @@ def with_both(raw: RawLog, rate: float | None) -> tuple[RawLog, list[str]]:
     few = min(sides, key=lambda side: counts[side])
     first = int(both.argmax()) if both.any() else 0
     said = ""
-    if len(time) and both.sum() < _APART * counts[few] and counts[few] >= checks.FEWEST_SAMPLES:
+    if len(time) and both.sum() < _APART * counts[few] and counts[few] >= FEWEST_SAMPLES:
         rows = np.flatnonzero(known[few] & timed)
         values = {"time": time[rows], few: raw.values[few][rows]}
         for side in set(sides) - {few}:
@@ -409,37 +419,24 @@ def prepare(
     Raises:
         LogError: too short, not finite, not moving, angles that no cable has, or no clock.
     """
-    checks.check_length(len(time), name)
+    check_length(len(time), name)
     for what, values in (("time", time), *((one.name, one.values) for one in angles.values())):
-        checks.check_finite(what, values, place)
+        check_finite(what, values, place)
     (motor, notes), (joint, more) = (unwrapped(angles[side]) for side in SIDES)
     check_plausible(motor, joint, place)
     (motor, filled), (joint, further) = (without_outliers(one, time, place) for one in (motor, joint))
     notes, more = notes + filled, more + further
-    if not apart:
-        checks.check_same_unit(motor.radians, joint.radians, name)
-    more += geared(motor, joint)
+    gear, of_units = compared(motor, joint, name, apart=apart)
     even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place, cut=True)
     if not time_unit_known:
         even, guessed = in_seconds(even, motor_at, joint_at)
         doubts = (*doubts, *guessed)
-    checks.check_length(len(even), name)
+    check_length(len(even), name)
     counts = (resolution(motor.radians), resolution(joint.radians)) if clock else None
     even, motor_at, joint_at, repeats, seldom = at_new_readings(even, motor_at, joint_at)
-    found = "the joint turns round before the motor does: motor and joint look swapped; exchange their columns"
-    swapped, turns = Trust("no", (found,)), reversals(motor_at, least_swing(motor_at))
-    doubts = (
-        *doubts,
-        *unit_doubts(motor, joint, apart=apart),
-        *odd_time(even, motor_at, joint_at),
-        *seldom,
-        *([swapped] if checks.look_swapped(motor_at, joint_at, turns) else []),
-    )
-    if (stop := checks.stopped_at(motor_at, joint_at, turns)) is not None:
-        at, on = (one * DEGREES for one in stop)
-        why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
-        doubts = (*doubts, Trust("with care", (why,)))
-    said = (*(one for one in warnings if one), *notes, *more, *clock, *repeats)
+    motions = (*odd_time(even, motor_at, joint_at), *seldom, *odd_motions(motor_at, joint_at))
+    doubts = (*doubts, *of_units, *motions)
+    said = (*(one for one in warnings if one), *notes, *more, *gear, *clock, *repeats)
     encoders = Encoders(*(angles[side].count for side in SIDES))
     return Log(even, motor_at, joint_at, name, said, doubts, counts, encoders)
 
@@ -460,7 +457,7 @@ def at_new_readings(time: Array, motor: Array, joint: Array) -> tuple[Array, Arr
         return time, motor, joint, [], []
     said = f"the {name} repeats {rows} rows: {1.0 / (rows * (time[1] - time[0])):.4g} Hz"
     strokes = len(reversals(motor, least_swing(motor))) + 1
-    if first is None or len(time) // rows < max(checks.FEWEST_SAMPLES, _OF_A_STROKE * strokes):
+    if first is None or len(time) // rows < max(FEWEST_SAMPLES, _OF_A_STROKE * strokes):
         why = f"{said}, which makes the loop look wider: record a row when a new reading comes"
         return time, motor, joint, [], [Trust("with care", (why,))]
     time, motor, joint = (one[first::rows] for one in (time, motor, joint))

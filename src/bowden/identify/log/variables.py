@@ -73,14 +73,7 @@ def _variable(name: str, given: Any, files: Any, logs: Sequence[str]) -> Schedul
     """One of them: numbers, one for each log (of a bend as text in degrees), a column's name, ``none``, or None to look
     for a column of a common name; None where the logs have none."""
     if given is not None and not isinstance(given, str):
-        several = isinstance(given, Sequence) or hasattr(given, "__len__")
-        if not several and len(logs) > 1:
-            raise ParameterError(
-                f"{name} is {arguments.format_value(given)}",
-                expected="one number for each log, or a column's name",
-                do=f"give {name}=[…], in the logs' order",
-            )
-        values = given if several else [given]
+        values = given if hasattr(given, "__len__") else [given]
         return _of_numbers(name, [arguments.number(one, f"{name}[{i}]") for i, one in enumerate(values)], logs)
     each = files if isinstance(files, list | tuple) else [files]
     paths = [Path(one) for one in each if isinstance(one, str | Path)]

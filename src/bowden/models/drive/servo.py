@@ -97,23 +97,25 @@ def prepare(servo: Servo, dt: float) -> ServoStep:
 
 LONGEST_CYCLE = 0.25
 """ω·Ts up to which a cycle is one exact step: far less than half a swing, in which the motor could turn twice [rad]."""
+_HALF_SWING = 3.0
+"""ω·Ts up to which the motor turns once at most in a cycle without a limit: a little below π [rad]."""
 
 
 class ServoSteps(NamedTuple):
     """A servo prepared for one cycle of a loop."""
 
     substep: ServoStep
-    """For a servo at its limits, or one that is quick beside the cycle."""
+    """For a servo at its limits, or one that is quick beside the cycle; its `reach` is that of a whole cycle, and below
+    zero where the motor could turn twice in one."""
     cycle: ServoStep
     """Over a whole cycle; its `reach` is below zero where the cycle is longer than `LONGEST_CYCLE`."""
 
 
 def prepare_steps(servo: Servo, sample_time: float, substeps: int) -> ServoSteps:
     """The servo for cycles of `sample_time` [s] and for its parts; what is raised is `prepare`'s."""
-    cycle = prepare(servo, sample_time)
-    if servo.natural_frequency * sample_time > LONGEST_CYCLE:
-        cycle = cycle._replace(reach=-1.0)
-    return ServoSteps(prepare(servo, sample_time / substeps), cycle)
+    cycle, angle = prepare(servo, sample_time), servo.natural_frequency * sample_time
+    substep = prepare(servo, sample_time / substeps)._replace(reach=cycle.reach if angle <= _HALF_SWING else -1.0)
+    return ServoSteps(substep, cycle if angle <= LONGEST_CYCLE else cycle._replace(reach=-1.0))
 
 
 @kernel

@@ -47,6 +47,7 @@ class ThermalState(NamedTuple):
     i2t: Annotated[float, Quantity("sum of I²t", "A²s", symbol="S")]
 
 
+@kernel
 def cold(thermal: Thermal) -> ThermalState:
     """A motor that has stood long enough to be as warm as its surroundings."""
     return ThermalState(thermal.ambient, thermal.ambient, 0.0)

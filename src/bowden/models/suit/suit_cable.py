@@ -43,6 +43,8 @@ class Friction(IntEnum):
 
 KINDS = {kind.name.lower(): kind for kind in Friction}
 """Name → kind of friction."""
+TAUT = 1.0
+"""Tension at which half of the flesh's damping acts [N]."""
 
 
 class SuitCable(NamedTuple):

@@ -141,8 +141,6 @@ class Operation(NamedTuple):
     """What comes after ``bowden``: ``simulate``, or ``log info`` in a group."""
     function: Callable[..., Any]
     """Returns its result, or yields it and goes on until it is ended."""
-    examples: tuple[str, ...]
-    """Whole lines to type."""
     place: int = 100
     """Where it stands in ``bowden --help``: in the order of what is done with a rig, and then of the names."""
 
@@ -153,8 +151,16 @@ class Operation(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What the docstring says before the sections on arguments, results and errors."""
-        return re.split(r"^(?:Args|Returns|Yields|Raises):$|^>>> ", inspect.getdoc(self.function) or "", flags=re.M)[0]
+        """What the docstring says before its sections."""
+        sections = r"^(?:Args|Returns|Yields|Raises|Examples):$|^>>> "
+        return re.split(sections, inspect.getdoc(self.function) or "", flags=re.M)[0]
+
+    @property
+    def examples(self) -> list[str]:
+        """Whole lines to type: the section ``Examples:`` of the docstring."""
+        return re.findall(
+            r"^    (bowden .*)$", (inspect.getdoc(self.function) or "").partition("\nExamples:\n")[2], re.M
+        )
 
     @property
     def results(self) -> tuple[type, ...]:

@@ -41,7 +41,7 @@ def check_progress(progress: Any, function: str) -> None:
     if not (progress is None or isinstance(progress, bool) or callable(progress)):
         raise ParameterError(
             f"{function}: progress is {arguments.format_value(progress)}",
-            expected=f"True, or {arguments.PROGRESS}",
+            expected="True, or a function of what is being done and the share that is behind",
             do="write progress=True, or leave it out",
         )
 

@@ -169,6 +169,19 @@ def degrees(angle: float | None) -> Any:
     return None if angle is None else float(angle * 180.0 / math.pi)
 
 
+Part = TypeVar("Part")
+
+
+def filled(kind: type[Part], source: Any, **known: Any) -> Part:
+    """A part of a document: what is known, and of all other fields what stands in a source, its angles in degrees."""
+    for name in {one.name for one in fields(kind)} - {*known}:
+        angle = name.removesuffix("_deg")
+        known[name] = (
+            degrees(getattr(source, angle)) if angle != name and hasattr(source, angle) else getattr(source, name)
+        )
+    return kind(**known)
+
+
 Found = TypeVar("Found", bound=Result[Any])
 
 

@@ -1,39 +1,15 @@
 """`reproduce`: the paper's bench, claim by claim."""
 
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from bowden.core.documented import Documented
 from bowden.operations.support.operation import GivenProgress, Operation
-from bowden.operations.support.results import Result
+from bowden.operations.support.results import Result, filled
+from bowden.paper.claims import JudgedClaim
 
 if TYPE_CHECKING:
     from bowden.paper.reproduce import Reproduction
-
-
-@dataclass(frozen=True)
-class JudgedClaim(Documented):
-    """A published number and ours."""
-
-    id: str
-    """Such as table1.adaptive.constant."""
-    source: str
-    """Figure, table or equation of the paper."""
-    quantity: str
-    """What it is, in words."""
-    published: float | None
-    """Null where the paper prints no number."""
-    computed: float | None
-    """Null where no such figure exists."""
-    interval: tuple[float, float] | None
-    """Range of the figure over plausible calibrations, or over the readings that the text allows; null where there is
-    one value."""
-    unit: str
-    verdict: Literal["fitted", "reproduced", "better", "not determined", "differs", "misprint"]
-    fitted: bool
-    """True if the calibration used this number."""
-    why: str
-    """Why the figures differ; given unless the verdict is fitted or reproduced."""
 
 
 @dataclass(frozen=True)
@@ -70,22 +46,28 @@ def reproduce(*, only: list[str] | None = None, progress: GivenProgress = None) 
 
     Raises:
         ParameterError: an id that no claim has.
+
+    Examples:
+        bowden reproduce
+        bowden reproduce --only table1 --only fig16
+        bowden reproduce --json
     """
     from bowden.operations.support.progress import reported
     from bowden.paper.reproduce import reproduce as run
+    from bowden.paper.sensitivity import ROWS
 
     with reported(progress, "reproduce") as report:
         outcome = run(only or [], report)
-    said = outcome.json()
-    claims, remarks = (JudgedClaim(**one) for one in said["claims"]), (EquationRemark(**one) for one in said["remarks"])
-    return Reproduced(tuple(claims), tuple(remarks), tuple(said["calibrations"]), made=outcome)
+    calibrations = (
+        {"id": claim, **{name: found[claim] for name, found in outcome.earlier.items()}}
+        for claim in (ROWS if outcome.earlier else ())
+    )
+    return Reproduced(
+        tuple(one for one in outcome.results if not one.remark),
+        tuple(filled(EquationRemark, one) for one in outcome.results if one.remark),
+        tuple(calibrations),
+        made=outcome,
+    )
 
 
-OPERATIONS = (
-    Operation(
-        "reproduce",
-        reproduce,
-        ("bowden reproduce", "bowden reproduce --only table1 --only fig16", "bowden reproduce --json"),
-        place=140,
-    ),
-)
+OPERATIONS = (Operation("reproduce", reproduce, 140),)

@@ -13,7 +13,7 @@ from bowden.hardware.drives import on_can
 from bowden.hardware.drives.ak_frames import HIGHEST_KD, HIGHEST_KP, HIGHEST_POSITION, MODELS, AkModel, error_text
 from bowden.hardware.drives.findings import FINDINGS
 from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of
-from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
+from bowden.hardware.drives.scale import Scale, SuitScale, motor_scale
 from bowden.rig.families import LOST, DriveNeeds
 
 UPLOAD, UPLOADS = 0x29, 500.0
@@ -82,6 +82,11 @@ class AkParameters(NamedTuple):
     joint_sends: joints.JointSending = "sync"
     answer_timeout: on_can.AnswerTimeout = 0.1
     needs: DriveNeeds = DriveNeeds(gear=9.0, torque_constant=0.091)
+
+    @property
+    def motor_step(self) -> float:
+        """See `scale.motor_scale`."""
+        return float(self.motor_direction)
 
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`; replies have the drive's number in them, so that several drives may share theirs."""
@@ -168,11 +173,6 @@ def largest_torque(drive: AkParameters) -> float:
 def most_push(drive: AkParameters) -> float:
     """Largest torque offset that is allowed, at the spool [N·m]."""
     return on_can.MOST_PUSH * min(largest_torque(drive), model_of(drive).torque)
-
-
-def motor_scale(drive: AkParameters, position_at_home: float = 0.0) -> Scale | SuitScale:
-    """The drive's position to the spool's angle, or, on a suit, to the motor's in the joint's coordinate."""
-    return spool_scale(float(drive.motor_direction), drive.motor_home, position_at_home, drive.needs.spool)
 
 
 def check_range(drive: AkParameters, scale: Scale | SuitScale, expected: str) -> None:

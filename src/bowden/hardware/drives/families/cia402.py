@@ -9,7 +9,7 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.emergencies import emergency_text
-from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
+from bowden.hardware.drives.scale import Scale
 from bowden.rig.families import LOST, DriveNeeds
 
 LONGEST_TIMEOUT = 40e-3
@@ -96,6 +96,11 @@ class DriveParameters(NamedTuple):
     answer_timeout: on_can.AnswerTimeout = 0.3
     needs: DriveNeeds = DriveNeeds()
 
+    @property
+    def motor_step(self) -> float:
+        """See `scale.motor_scale`."""
+        return self.motor_direction * 2.0 * math.pi / (self.motor_counts_per_turn * self.needs.gear)
+
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`; all drives on a bus may have one host."""
         node, host = self.node_id, frames.HEARTBEAT + self.host_id
@@ -147,16 +152,6 @@ def tared(drive: DriveParameters, read: float, load: float) -> DriveParameters:
     """The parameters with which what was read is this load [N or N·m]."""
     scale = drive.tension_scale or drive.torque_scale
     return drive._replace(tension_zero=drive.tension_zero + (read - load) / scale)
-
-
-def motor_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale | SuitScale:
-    """The motor's counts to the spool's angle, or, on a suit, to the motor's in the joint's coordinate.
-
-    >>> round(motor_scale(DriveParameters()).counts(2.0 * math.pi))
-    81920
-    """
-    step = drive.motor_direction * 2.0 * math.pi / (drive.motor_counts_per_turn * drive.needs.gear)
-    return spool_scale(step, drive.motor_home, counts_at_home, drive.needs.spool)
 
 
 def joint_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale:

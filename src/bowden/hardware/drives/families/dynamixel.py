@@ -50,7 +50,7 @@ _REGISTERS: Mapping[str, ServoRegister] = {
     "Present Temperature": ServoRegister(146),
 }
 """Of the X series; those of RAM stand `P_SERIES` further in the P series."""
-INDIRECT_MOVED = 52
+MOVED = (52, 208)
 """Firmware of XL330 and XC330 from which on indirect data stand at 208, not at 224 (control tables of the SDK)."""
 FIRST_OF_RAM, P_SERIES = 64, 448
 _P_REGISTERS = {
@@ -75,7 +75,7 @@ MODELS: Mapping[str, ServoTable] = {
         ("XW540-T140", 1180), ("XW540-T260", 1170),
     )},
     **{name: _x(model, 1.34e-3) for name, model in (("XH430-V210", 1050), ("XH430-V350", 1040))},
-    **{name: _x(model, 1e-3) for name, model in (
+    **{name: _x(model, 1e-3)._replace(moved=MOVED) for name, model in (
         ("XL330-M077", 1190), ("XL330-M288", 1200), ("XC330-M181", 1230), ("XC330-M288", 1240),
         ("XC330-T181", 1210), ("XC330-T288", 1220),
     )},
@@ -141,6 +141,11 @@ class DynamixelParameters(NamedTuple):
         """Its memory."""
         return MODELS[self.model]
 
+    @property
+    def motor_step(self) -> float:
+        """See `scale.motor_scale`."""
+        return servos.motor_step(self)
+
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`."""
         return servos.identifiers(self)
@@ -181,17 +186,9 @@ class DynamixelParameters(NamedTuple):
             "may draw more than the rig allows",
             wizard,
         )
-        firmware = Setting(
-            "Firmware Version",
-            lambda found: found < INDIRECT_MOVED,
-            f"below {INDIRECT_MOVED}",
-            "has its indirect data at other addresses, which are not known here",
-            "take a servo with an earlier firmware, or of another model",
-        )
         of_mode = Setting("Operating Mode", is_about(mode), f"{mode}, {named}", "is in another mode", wizard)
         watch = round(self.watchdog / WATCH_STEP)
         return ServoSetup(
-            supported=(firmware,) if self.model.startswith(("XL330", "XC330")) else (),
             motor=(of_mode, *joint, *((own_limit,) if limit and not based else ())),
             joint=joint,
             preset={

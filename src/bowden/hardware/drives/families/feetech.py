@@ -87,6 +87,11 @@ class FeetechParameters(NamedTuple):
         """Its memory."""
         return TABLE
 
+    @property
+    def motor_step(self) -> float:
+        """See `scale.motor_scale`."""
+        return servos.motor_step(self)
+
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`."""
         return servos.identifiers(self)

@@ -8,7 +8,7 @@ from bowden.core.quantity import Quantity
 from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.moteus_frames import HIGHEST_PREFIX, MoteusCommand, fault_text
-from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, bounded_torque, feed_velocity, spool_scale
+from bowden.hardware.drives.scale import MotorLimits, Scale, bounded_torque, feed_velocity
 from bowden.rig.families import LOST, DriveNeeds
 
 LOOK = 1e-3
@@ -68,6 +68,11 @@ class MoteusParameters(NamedTuple):
     answer_timeout: on_can.AnswerTimeout = 0.3
     needs: DriveNeeds = DriveNeeds()
 
+    @property
+    def motor_step(self) -> float:
+        """See `scale.motor_scale`."""
+        return self.motor_direction * 2.0 * math.pi / (self.output_ratio * self.needs.gear)
+
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`: of an identifier the sender's part, since each receiver knows senders by it."""
         common = self.can_prefix << 16
@@ -87,16 +92,6 @@ def following(drive: MoteusParameters) -> MoteusParameters:
     if drive.watchdog != MoteusParameters().watchdog:
         return drive
     return drive._replace(watchdog=max(drive.watchdog, LOST * drive.needs.sample_time))
-
-
-def motor_scale(drive: MoteusParameters, turns_at_home: float = 0.0) -> Scale | SuitScale:
-    """The output's turns to the spool's angle, or, on a suit, to the motor's in the joint's coordinate.
-
-    >>> round(motor_scale(MoteusParameters()).counts(2.0 * math.pi), 9)
-    5.0
-    """
-    step = drive.motor_direction * 2.0 * math.pi / (drive.output_ratio * drive.needs.gear)
-    return spool_scale(step, drive.motor_home, turns_at_home, drive.needs.spool)
 
 
 def joint_scale(drive: MoteusParameters, turns_at_home: float = 0.0) -> Scale:

@@ -11,16 +11,8 @@ from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.joint_encoder import check_beside, has_encoder, identifiers_of
 from bowden.hardware.drives.odrive_endpoints import TWIN
-from bowden.hardware.drives.odrive_frames import INT16, MOST_TURNS, Cmd, Scales, Target, fault_text, identifier_of
-from bowden.hardware.drives.scale import (
-    MotorLimits,
-    Scale,
-    SuitScale,
-    bounded_torque,
-    feed_velocity,
-    motor_limits,
-    spool_scale,
-)
+from bowden.hardware.drives.odrive_frames import INT16, MOST_TURNS, Cmd, Target, fault_text, identifier_of
+from bowden.hardware.drives.scale import MotorLimits, bounded_torque, feed_velocity, motor_limits, motor_scale
 from bowden.rig.families import DriveNeeds
 
 LOOK = 1e-3
@@ -90,6 +82,11 @@ class OdriveParameters(NamedTuple):
     answer_timeout: on_can.AnswerTimeout = 0.1
     needs: DriveNeeds = DriveNeeds()
 
+    @property
+    def motor_step(self) -> float:
+        """See `scale.motor_scale`."""
+        return self.motor_direction * 2.0 * math.pi / self.needs.gear
+
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`."""
         return {**identifiers_of(self), **own_identifiers(self)}
@@ -125,21 +122,6 @@ class OdriveParameters(NamedTuple):
 def own_identifiers(drive: OdriveParameters) -> dict[int, str]:
     """Identifier of each frame of the board and to it → key of [drive] that it follows from."""
     return dict.fromkeys((identifier_of(drive.node_id, cmd) for cmd in Cmd), "node_id")
-
-
-def scales_of(drive: OdriveParameters) -> Scales:
-    """Of the feed-forward fields."""
-    return Scales(float(drive.velocity_scale), float(drive.torque_scale))
-
-
-def motor_scale(drive: OdriveParameters, turns_at_home: float = 0.0) -> Scale | SuitScale:
-    """The motor's turns to the spool's angle, or, on a suit, to the motor's in the joint's coordinate.
-
-    >>> round(motor_scale(OdriveParameters()).counts(2.0 * math.pi), 9)
-    5.0
-    """
-    step = drive.motor_direction * 2.0 * math.pi / drive.needs.gear
-    return spool_scale(step, drive.motor_home, turns_at_home, drive.needs.spool)
 
 
 def target_of(drive: OdriveParameters, limits: MotorLimits, turns: float, before: float, torque: float) -> Target:

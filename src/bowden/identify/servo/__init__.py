@@ -1,1 +1,0 @@
-"""From a log of a servo to its parameters."""
