@@ -27,9 +27,9 @@ class BowdenGains(NamedTuple):
     bandwidth: Annotated[float, Quantity("c, of the observer: its rate κ is c/(1/ω + 1.5·τ)", live=True)] = 4.3
 
 
-SUIT = BowdenGains(noise=0.0009, lag=0.09, bandwidth=4.0)
+SUIT = BowdenGains(noise=0.0009, lag=0.09)
 """For the suit (docs/day_one_suit.md): a flex sensor that counts by 0.05°, and a forearm that hangs in the springs of
-cables and fabric and follows some 90 ms late, with an observer a little slower for it."""
+cables and fabric and follows some 90 ms late."""
 
 LIMITS: dict[str, tuple[float, float]] = {
     "servo_frequency": (1.0, 1e4),
