@@ -45,10 +45,8 @@ def show_tune(found: TuneResult, call: Call) -> None:
     print(f"{f'Wrote {rig}' if call.files else nothing}  ({call.seconds:.1f} s)")
     if call["dry_run"] and found.gains and not recorded:
         say_next("tune", rig, *motor, why="writes these gains")
-    elif found.alone:
-        say_next("check", rig, why="judges both motors together")
     else:
-        say_next("run", rig, "--twin", "--auto")
+        say_next("check", rig, why="judges both motors together" if found.alone else "looks at the swing at rest too")
 
 
 def failed_tune(error: Any, call: Call) -> None:
