@@ -50,6 +50,7 @@ CLOCKS = {
     "Time (ms)": lambda t: f"{1e3 * t:.1f}",
     "ms": lambda t: f"{(60_000 + round(1e3 * t)) % 2**16}",
     "t_us": lambda t: f"{1e6 * t:.0f}",
+    "time_us": lambda t: f"{(2**32 - 9_000_000 + round(1e6 * t)) % 2**32}",
     "timestamp_ns": lambda t: f"{1_700_000_000_000_000_000 + round(1e9 * t)}",
     "stamp": lambda t: f"{1.7e9 + t:.3f}",
     "timestamp": lambda t: datetime.datetime.fromtimestamp(1.7e9 + t, datetime.UTC).isoformat(),
@@ -144,6 +145,13 @@ def test_columns_by_number_whatever_they_are_called(tmp_path: Path) -> None:
     assert log.motor == pytest.approx(MOTOR)
     np.save(tmp_path / "log.npy", np.stack([TIME, MOTOR, JOINT], axis=1))
     assert bowden.read_log(tmp_path / "log.npy", time=1, motor=2, joint=3, unit="rad").joint == pytest.approx(JOINT)
+
+
+def test_of_two_files_that_name_no_side_the_motors_comes_first(tmp_path: Path) -> None:
+    for name, angle in (("a", MOTOR), ("b", JOINT)):
+        np.savetxt(tmp_path / name, np.c_[TIME, np.degrees(angle)], "%.6f", ",", header="time_s,angle_deg", comments="")
+    fit = bowden.identify([tmp_path / "a", tmp_path / "b"])
+    assert fit.models["play"].parameters["slope"] == pytest.approx(0.9, rel=0.01)
 
 
 @pytest.mark.parametrize(("shift", "ppm", "column"), [(0.7, 50.0, "motor"), (-3.2, -200.0, "encoder")])

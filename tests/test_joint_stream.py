@@ -163,6 +163,19 @@ def test_frames_of_a_can_bus_are_the_orientations_of_bodies(bodies: int, tmp_pat
         samples.close()
 
 
+@pytest.mark.parametrize("lost", [0, 1])
+def test_of_a_sample_with_a_lost_frame_nothing_goes_into_the_next(lost: int, tmp_path: Path) -> None:
+    axis = (0.0, 1.0, 0.0)
+    with UnixBus(str(tmp_path), create=True) as device:
+        samples = JointSamples(JointSensor("imu", f"can:{tmp_path}@0x321", "quaternion", bodies=2, axis=axis))
+        for moved in (0.0, 0.5):
+            for i, angle in enumerate((moved, moved + 0.3)):
+                if moved or i != lost:
+                    device.put(0x321 + i, struct.pack("<4h", *(round(32767 * one) for one in turn(axis, angle))))
+        assert samples.look() == pytest.approx(0.3, abs=2e-4)
+        samples.close()
+
+
 def test_a_frame_of_a_stretch_sensor_is_a_float(tmp_path: Path) -> None:
     sensor = JointSensor("stretch", f"can:{tmp_path}@0x18FF0021", curve_values=(0.0, 2.0), curve_angles=(0.0, 1.0))
     with UnixBus(str(tmp_path), create=True) as device:

@@ -162,6 +162,7 @@ KERNELS_OF_TWO = [
     (sheath.slope_factor, lambda x, y: (x, sheath.Sheath(loss=0.2))),
     (sheath.advance_in_sheath, lambda x, y: (0.3 * math.tanh(x), 0.2 * math.tanh(y), 1.4, CABLE)),
     (sheath.joint_in_sheath, lambda x, y: (x, y, 1.4, 0.9, CABLE)),
+    (thermal.cold, lambda x, y: (thermal.Thermal(ambient=x),)),
     (thermal.warm, lambda x, y: (thermal.Thermal(), thermal.ThermalState(40.0 + x, 30.0 + y, abs(y)), 9.0 * x, 1e-3)),
 ]
 

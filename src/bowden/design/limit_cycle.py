@@ -78,7 +78,7 @@ def describing_function(
         amplitudes: `AMPLITUDES`, or `MEASURED`, where they are not given.
     """
     plant = measured_plant(plant)
-    if not (isinstance(plant, Bench) and isinstance(plant.cable, BoucWen)):
+    if not (isinstance(plant, Bench) and isinstance(plant.cable, BoucWen) and plant.load_lag == 0.0):
         amplitudes = MEASURED if amplitudes is None else amplitudes
         return amplitudes, measured_response(plant, bend, stroke, amplitudes)
     amplitudes = AMPLITUDES if amplitudes is None else amplitudes

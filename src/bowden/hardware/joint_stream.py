@@ -224,6 +224,8 @@ class CanFrames:
                     break
                 place = self._at.get(frame[0])
                 if place is not None and len(frame[1]) == self._frame.size:
+                    if place == 0:  # what is left is of a sample whose other frame was lost
+                        self._parts = {}
                     self._parts[place] = self._frame.unpack(frame[1])
                     if len(self._parts) == len(self._at):
                         values = [one for _, part in sorted(self._parts.items()) for one in part]

@@ -206,8 +206,8 @@ def identify(
         motor: name or number of the motor-side angle's column; guessed by default. In Python also the angle (n,).
         joint: the same of the joint-side angle.
         time: the same of time; in Python where it does not come first.
-        unit: deg, rad, turns, counts or mm, of both angles or of motor and joint; by default as the columns' names end,
-            and of arrays radians.
+        unit: deg, mdeg, rad, mrad, turns, counts, mm or cm, of both angles or of motor and joint; by default as the
+            columns' names end, and of arrays radians.
         counts_per_turn: counts in a turn of both encoders, or of motor and joint, whatever the log's unit: a rig gets
             them.
         spool_radius_mm: radius of the motor's spool, where its column is a length of cable in mm.

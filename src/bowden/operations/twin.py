@@ -6,7 +6,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -210,7 +210,8 @@ def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, c
         if inject:
             running.inject(inject, after, lasting)
         said = running.status()
-        return TwinJournal(TwinState(**{**said, "faults": tuple(said["faults"])}))
+        known = {one.name: said[one.name] for one in fields(TwinState)}  # a family says more of its own
+        return TwinJournal(TwinState(**{**known, "faults": tuple(said["faults"])}))
 
 
 def _run(rig: "Rig", objects: list[str], until_orphaned: bool) -> Iterator[TwinStarted]:

@@ -69,7 +69,7 @@ def transmission(plant: Plant, bend: float, stroke: tuple[float, float]) -> Tran
         ParameterError: a plant that cannot be moved through its stroke, or that does not follow its motor.
     """
     plant = measured_plant(plant)
-    if isinstance(plant, Bench) and isinstance(plant.cable, BoucWen):
+    if isinstance(plant, Bench) and isinstance(plant.cable, BoucWen) and plant.load_lag == 0.0:
         cable, slope = plant.cable, plant.cable.slope * float(slope_factor(bend, plant.sheath))
         steepest = 1.0 + float(saturation(cable)) ** cable.exponent  # of Eq. 7 over ρ, right after a reversal
         after = slope + cable.hysteresis_gain * cable.rate * steepest

@@ -176,7 +176,7 @@ class Fault(IntEnum):
                            "look for a held limb, a slipping spool, a cable beside its pulley, a law that gives up; "
                            "run `bowden check`")
     JOINT_UNSURE = (R2, R2, 0.004, "joint angle too uncertain", "1 σ > joint_std",
-                    "look at the joint's sensor and [joint_sensor]")
+                    "look at the joint's sensor and at [joint_sensor], and for a torn cable")
 # fmt: on
 
 

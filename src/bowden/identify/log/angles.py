@@ -38,7 +38,7 @@ GAP = 4.5
 four together."""
 _COUNTERS = (2.0**16, 2.0**32)
 """Counts at which counters overflow."""
-_EXPECTED = "deg, rad, turns, counts or mm, or one for the motor and one for the joint: counts,deg"
+_EXPECTED = "deg, mdeg, rad, mrad, turns, counts, mm or cm, or one for the motor and one for the joint: counts,deg"
 
 
 class AngleUnits(NamedTuple):

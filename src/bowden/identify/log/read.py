@@ -233,7 +233,10 @@ def read_run(files: Sequence[Path], layout: Layout) -> Log | None:
     names = [with_angles(read_table(file)).names for file in files]
     found = [sides_in(given, one) for one in names]
     if sum(map(len, found)) < 2 and all(map(only_angle, names)):
-        found = [one or {*SIDES} - other or {side} for one, other, side in zip(found, found[::-1], SIDES, strict=True)]
+        found = [
+            one or (other and {*SIDES} - other) or {side}
+            for one, other, side in zip(found, found[::-1], SIDES, strict=True)
+        ]
     if [len(one) for one in found] != [1, 1] or found[0] == found[1]:
         return None
     raws: dict[str, RawLog] = {}
@@ -314,7 +317,7 @@ def _counted_on(time: Array) -> Array:
     steps = np.diff(time)
     back = steps < 0.0
     for turn in _TURNS if back.any() else ():
-        if (turn + steps[back] < GAP * np.nanmedian(steps)).all():
+        if ((turn + steps[back] > 0.0) & (turn + steps[back] < GAP * np.nanmedian(steps))).all():
             return time + turn * np.concatenate([[0.0], np.cumsum(back)])
     return time
 
