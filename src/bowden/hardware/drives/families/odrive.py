@@ -108,7 +108,7 @@ class OdriveParameters(NamedTuple):
                 raise ParameterError(
                     f"the rig asks for {most:.4g} {unit} at the motor, and drive.{name} is {scale}",
                     expected=f"at most {INT16 / scale:.4g} {unit}, which is all that a target's field can tell",
-                    do=f"set the scale to {math.floor(INT16 / most)} or less in the board and in [drive], or reduce {key}",
+                    do=f"set it to {math.floor(INT16 / most)} or less in the board and in [drive], or reduce {key}",
                 )
         if has_encoder(self) and self.node_id in ASKED_BY_CANOPEN:
             raise ParameterError(
