@@ -400,7 +400,7 @@ FAR = np.where(TIME < 1.0, 2000.0, np.degrees(MOTOR))
     ("signals", "unit", "said"),
     [
         ((TIME, MOTOR[:-1], MOTOR), None, "joint has 8000 samples; expected one length"),
-        ((TIME, MOTOR, MOTOR), "grad", "expected deg, rad, turns, counts or mm"),
+        ((TIME, MOTOR, MOTOR), "grad", "expected deg, mdeg, rad, mrad, turns, counts, mm or cm"),
         ((TIME, RESTS, MOTOR), None, "of noise; expected strokes"),
         ((TIME, MOTOR, 0.1 + noise(3)), None, r"the joint moves .* of noise; expected .*; check its column"),
         ((TIME, np.degrees(MOTOR), MOTOR), None, "look like degrees"),

@@ -141,7 +141,7 @@ def test_columns_and_units_can_be_given(write: Write) -> None:
     path = write(text(rows(*DEGREES), "a,b,c"))
     log = read_log(path, time="a", motor="b", joint="C", unit="deg")
     assert log.joint == pytest.approx(JOINT, abs=1e-6)
-    with pytest.raises(ParameterError, match="expected deg, rad, turns, counts or mm"):
+    with pytest.raises(ParameterError, match="expected deg, mdeg, rad, mrad, turns, counts, mm or cm"):
         read_log(path, unit="grad")
     assert np.array_equal(read_log(path, time="a", motor="b", joint="c", unit="DEG").joint, log.joint)
     with pytest.raises(LogError, match="no column 'd' for the joint among 'a', 'b', 'c'"):

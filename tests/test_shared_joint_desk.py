@@ -476,7 +476,7 @@ def test_tune_writes_the_same_gains_for_both_motors_and_says_what_they_are_worth
     assert found["worst_rmse_deg"] < found["worst_rmse_before_deg"]
     out = said(capsys, "tune", "elbow.toml").out
     assert "largest RMSE over 3 runs of 20 s of 2 motors" in out
-    assert "Next: bowden run elbow.toml --twin --auto" in out
+    assert "Next: bowden check elbow.toml" in out
     again = Rig.read(path)
     for name in ("flexor", "extensor"):
         assert dict(again.only(name).gains) == found["gains"]
