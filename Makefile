@@ -86,7 +86,7 @@ long: .venv/dev
 	nice -n 19 $(BIN)/python benchmarks/mutants.py 20 --least 0.8
 
 # No test may hang on the last bit of a sum. It would show first in those that solve least squares.
-PORTABLE := identify_search identify_sensitivity identify_uncertainty design_linearise models_bouc_wen metrics \
+PORTABLE := identify_path identify_sensitivity identify_uncertainty design_linearise models_bouc_wen metrics \
 	paper_static_plant
 
 portable: .venv/dev
