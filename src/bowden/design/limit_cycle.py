@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bowden.control.stability import response, servo_response
 from bowden.core.kernel import compiled, kernel
 from bowden.design.linearise import LawModel
-from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
+from bowden.models.cable.bouc_wen import PreparedCable, advance_prepared, prepare_cable
 from bowden.models.cable.sheath import slope_factor, width
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
@@ -78,13 +78,14 @@ def describing_function(
         amplitudes: `AMPLITUDES`, or `MEASURED`, where they are not given.
     """
     plant = measured_plant(plant)
-    if not (isinstance(plant, Bench) and isinstance(plant.cable, BoucWen) and plant.load_lag == 0.0):
+    cable = plant.formula if isinstance(plant, Bench) else None
+    if cable is None:
         amplitudes = MEASURED if amplitudes is None else amplitudes
         return amplitudes, measured_response(plant, bend, stroke, amplitudes)
     amplitudes = AMPLITUDES if amplitudes is None else amplitudes
     wide, factor = float(width(bend, plant.sheath)), float(slope_factor(bend, plant.sheath))
-    of_h = _response_of_h(prepare_cable(plant.cable), tuple((amplitudes / wide).tolist()))
-    return amplitudes, np.asarray(factor * plant.cable.slope + plant.cable.hysteresis_gain * of_h)
+    of_h = _response_of_h(prepare_cable(cable), tuple((amplitudes / wide).tolist()))
+    return amplitudes, np.asarray(factor * cable.slope + cable.hysteresis_gain * of_h)
 
 
 @lru_cache(16)

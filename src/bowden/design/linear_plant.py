@@ -79,15 +79,15 @@ class LinearPlant(NamedTuple):
 
     def margins(self, law: LawModel) -> Iterator[Margins]:
         """Of the loop at each place."""
-        measured = measured_plant(self.plant)
-        for seen in laws_seen(self.plant, law):
-            if isinstance(measured, Suit):
+        measured, laws = measured_plant(self.plant), laws_seen(self.plant, law)
+        if isinstance(measured, Suit):
+            for seen in laws:
                 yield from _on_arms(measured, self.points, seen)
-                continue
-            servo, dt, delay = measured.servo, measured.sample_time, measured.delay
-            plant, answer = servo_model(servo, dt, delay, 1.0), _servo(servo, dt, delay)
-            for point in self.points:
-                yield margins(plant, seen.seen_through(point.slope), dt, answer)
+            return
+        servo, dt, delay = measured.servo, measured.sample_time, measured.delay
+        plant, answer = servo_model(servo, dt, delay, 1.0), _servo(servo, dt, delay)
+        for seen, point in itertools.product(laws, self.points):
+            yield margins(plant, seen.seen_through(point.slope), dt, answer)
 
 
 def _on_arms(suit: Suit, places: Iterable[OperatingPoint], law: LawModel) -> Iterator[Margins]:

@@ -64,6 +64,11 @@ class Bench(NamedTuple):
         """
         return bouc_wen(self.cable) if isinstance(self.cable, BoucWen) else self.cable
 
+    @property
+    def formula(self) -> BoucWen | None:
+        """The Bouc–Wen cable whose end the joint is, so that slopes and loop follow from its equations; else None."""
+        return self.cable if isinstance(self.cable, BoucWen) and self.load_lag == 0.0 else None
+
     def dynamics(self) -> Dynamics:
         """See `Plant.dynamics`.
 

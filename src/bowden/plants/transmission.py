@@ -16,7 +16,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, reached, specialise
 from bowden.core.nested import form_of, numbers_of
 from bowden.core.units import RADIANS
-from bowden.models.cable.bouc_wen import BoucWen, saturation
+from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.sheath import slope_factor, width
 from bowden.plants.bench import Bench
 from bowden.plants.estimated import Estimated, measured_plant
@@ -69,8 +69,9 @@ def transmission(plant: Plant, bend: float, stroke: tuple[float, float]) -> Tran
         ParameterError: a plant that cannot be moved through its stroke, or that does not follow its motor.
     """
     plant = measured_plant(plant)
-    if isinstance(plant, Bench) and isinstance(plant.cable, BoucWen) and plant.load_lag == 0.0:
-        cable, slope = plant.cable, plant.cable.slope * float(slope_factor(bend, plant.sheath))
+    cable = plant.formula if isinstance(plant, Bench) else None
+    if cable is not None:
+        slope = cable.slope * float(slope_factor(bend, plant.sheath))
         steepest = 1.0 + float(saturation(cable)) ** cable.exponent  # of Eq. 7 over ρ, right after a reversal
         after = slope + cable.hysteresis_gain * cable.rate * steepest
         height = 2.0 * abs(cable.hysteresis_gain) * float(width(bend, plant.sheath)) * float(saturation(cable))

@@ -36,7 +36,7 @@ theirs, to be none of the motion; and of how many at most: of more it is what is
 GAP = 4.5
 """A step of time longer than this many medians is a gap however uneven the clock is: USB and ROS deliver rows one to
 four together."""
-_COUNTERS = (2.0**16, 2.0**32)
+COUNTERS = (2.0**16, 2.0**32)
 """Counts at which counters overflow."""
 _EXPECTED = "deg, mdeg, rad, mrad, turns, counts, mm or cm, or one for the motor and one for the joint: counts,deg"
 
@@ -222,7 +222,7 @@ def unwrapped(angle: Angle) -> tuple[Angle, list[str]]:
     """
     values, warnings = angle.values, []
     turn = _TURN / angle.factor
-    for period in (turn, *(_COUNTERS if angle.unit == "counts" else ())):
+    for period in (turn, *(COUNTERS if angle.unit == "counts" else ())):
         jumps = np.abs(np.diff(values)) > 0.5 * period
         if not jumps.any() or np.ptp(values) > period * (1.0 + 1e-9):
             continue

@@ -15,6 +15,7 @@ from bowden.core.errors import LogError, ParameterError, counted
 from bowden.core.guesses import answering
 from bowden.identify.cable.turns import least_swing, resolution, reversals
 from bowden.identify.log.angles import (
+    COUNTERS,
     GAP,
     SIDES,
     Angle,
@@ -48,7 +49,7 @@ Array = NDArray[np.float64]
 
 _EPOCH = 8
 """Digits of a time from 1970 in seconds, less one."""
-_TURNS = (86400.0, 2.0**16, 2.0**32)
+_TURNS = (86400.0, *COUNTERS)
 """Where times begin again: after a day [s], and where a counter of milli- or microseconds overflows."""
 _LATE = 1e6
 """Times beyond which digits of small steps are lost: they are counted from the first [s]."""
