@@ -28,7 +28,7 @@ GATE = 5.0
 """Standard deviations beyond which a value is not taken [–]."""
 CREDIBLE = 3.0
 """Standard deviations of the model's error by which a sensor may correct it; what goes beyond is doubt: a sensor that
-stands still, or is off, is believed step by step, each of which is small [–]."""
+stands still, or is off, is accepted step by step, each of which is small [–]."""
 STAYS = 0.5
 """Share of the model's variance that stays, b; the rest changes on the way, f [–]."""
 TRAVEL = 30.0 * RADIANS
@@ -115,9 +115,9 @@ class TrackedJoint(NamedTuple):
     """The estimate, and which readings of the motor it believes."""
 
     estimate: JointEstimate
-    motor: Annotated[float, Quantity("last one that was new and believed", "rad")]
+    motor: Annotated[float, Quantity("last one that was new and accepted", "rad")]
     since: Annotated[float, Quantity("time since that", "s")]
-    suspect: Annotated[float, Quantity("the one just before, where it was not believed", "rad")]
+    suspect: Annotated[float, Quantity("the one just before, where it was not accepted", "rad")]
 
 
 @kernel
@@ -140,7 +140,7 @@ def track_step(
     """One cycle of a loop later, which may be late.
 
     A reading that no motor can have reached would move the joint's estimate with it, and is left out; a second one
-    beside it is believed: the first of all may have been the spike.
+    beside it is accepted: the first of all may have been the spike.
 
     Args:
         model: of cable and sensor.
@@ -152,25 +152,25 @@ def track_step(
         elapsed: time since the last step [s].
         dt: length of a cycle [s].
     """
-    believed, last, since, suspect = motor, state.motor, state.since + elapsed, state.suspect
+    accepted, last, since, suspect = motor, state.motor, state.since + elapsed, state.suspect
     if not abs(motor) <= reach.span:
-        believed = math.nan
+        accepted = math.nan
     elif abs(motor - last) > reach.jump + reach.speed * since and not (
         abs(motor - suspect) <= reach.jump + reach.speed * dt
     ):
-        believed, suspect = math.nan, motor
+        accepted, suspect = math.nan, motor
     else:
         suspect = math.nan
         if age == 0.0:
             last, since = motor, 0.0
     estimate = state.estimate
-    if math.isnan(estimate.cable) and not math.isnan(believed):
-        estimate = estimate_start(model, believed)
+    if math.isnan(estimate.cable) and not math.isnan(accepted):
+        estimate = estimate_start(model, accepted)
     missed = floor(elapsed / dt + 0.5)
     for k in range(1, MISSED):
         if k < missed:
-            estimate = estimate_step(model, estimate, believed, math.nan, dt)
-    return TrackedJoint(estimate_step(model, estimate, believed, value, dt), last, since, suspect)
+            estimate = estimate_step(model, estimate, accepted, math.nan, dt)
+    return TrackedJoint(estimate_step(model, estimate, accepted, value, dt), last, since, suspect)
 
 
 @kernel

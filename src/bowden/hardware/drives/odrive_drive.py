@@ -111,14 +111,14 @@ class OdriveDialogue(Conversation):
 
         return self.wait(span, self._matching(looked_at)) is not None
 
-    def told(self, cmd: Cmd) -> tuple[Any, ...]:
+    def answered(self, cmd: Cmd) -> tuple[Any, ...]:
         """The fields of what the board tells when it is asked.
 
         Raises:
             DriveError: no answer.
         """
         question = identifier_of(self.number, cmd) | REMOTE, bytes(8)
-        said = self.ask(question, self._matching(lambda told, data: unpack(cmd, data) if told == cmd else None))
+        said = self.ask(question, self._matching(lambda got, data: unpack(cmd, data) if got == cmd else None))
         if said is not None:
             return said
         raise DriveError(
@@ -177,7 +177,7 @@ class OdriveDialogue(Conversation):
 
 
 def _check_version(board: OdriveDialogue, endpoints: Endpoints) -> str:
-    protocol, *numbers = board.told(Cmd.GET_VERSION)
+    protocol, *numbers = board.answered(Cmd.GET_VERSION)
     own = tuple(numbers[3:6]), tuple(numbers[:3])
     firmware, hardware = (".".join(map(str, one)) for one in own)
     if protocol != frames.PROTOCOL or not OLDEST <= own[0] < NEWEST:
@@ -254,8 +254,8 @@ def _check_encoder(board: OdriveDialogue) -> None:
 
 def _motor_scale(board: OdriveDialogue, drive: OdriveParameters) -> Scale | SuitScale:
     """Of the motor as it is found, which must stand still."""
-    first, _ = board.told(Cmd.GET_ENCODER_ESTIMATES)
-    last, _ = board.told(Cmd.GET_ENCODER_ESTIMATES)
+    first, _ = board.answered(Cmd.GET_ENCODER_ESTIMATES)
+    last, _ = board.answered(Cmd.GET_ENCODER_ESTIMATES)
     if not (math.isfinite(first) and abs(last - first) <= STILL):
         raise DriveError(
             f"the position of {board.name} is {first:g} and then {last:g} turns",
@@ -402,9 +402,9 @@ class OdriveDrive(Driver):
             )
         who = _check_version(board, endpoints)
         _check_idle(board)
-        active, disarmed = board.told(Cmd.GET_ERROR)
+        active, disarmed = board.answered(Cmd.GET_ERROR)
         failed = (active | disarmed) & ~WATCHDOG
-        voltage, _ = board.told(Cmd.GET_BUS_VOLTAGE_CURRENT)
+        voltage, _ = board.answered(Cmd.GET_BUS_VOLTAGE_CURRENT)
         checklist.check_settings(board.name, board.setting, _settings(drive))
         _check_encoder(board)
         motor = _motor_scale(board, drive)
